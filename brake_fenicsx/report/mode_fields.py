@@ -18,7 +18,7 @@ from brake_fenicsx.folder.processes import in_turns, meanwhile, on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.results.run import RunData, read_run, save_tables
 from brake_fenicsx.results.squeal import ModeKey
-from brake_fenicsx.results.tables import Table
+from brake_fenicsx.results.tables import RowTable
 from brake_fenicsx.scene.friction import slides
 from brake_fenicsx.scene.in_effect import in_effect
 
@@ -142,7 +142,7 @@ def write_mode_fields(
             if not error[0] <= EXACT
         ]
     if comm.rank == 0:
-        table = Table.of(ModeShape, rows)
+        table = RowTable.of(ModeShape, rows)
         table.write(store.path("figures", "mode_shapes.csv"))
         save_tables(store, f"figures/{SHAPES}", {"shapes": table.columns})
     return lost

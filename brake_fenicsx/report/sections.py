@@ -9,8 +9,7 @@ from brake_fenicsx.results.accuracy import ErrorRow, SpeedRow, error_rows, speed
 from brake_fenicsx.results.answer import approach_rows
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
-from brake_fenicsx.results.tables import Row, Value
-from brake_fenicsx.results.tables import Table as Rows
+from brake_fenicsx.results.tables import Row, RowTable, Value
 
 from .blocks import Block, Heading, Picture, Preformatted, Section, Special, Table, Text, pairs
 from .figures import figures
@@ -258,7 +257,7 @@ def _accuracy(run: RunData) -> list[Block]:
 def _table(run: RunData, kind: type[Row], rows: Sequence[Row]) -> Table:
     """Rows by approach, under the names of their columns."""
     heads = [SPEED_HEADS.get(name, name.replace("_", " ")) for name in kind.names()]
-    cells = Rows.of(kind, rows).cells
+    cells = RowTable.of(kind, rows).cells
     return Table(heads, [[run.label(str(row[0])), *row[1:]] for row in cells])
 
 

@@ -12,7 +12,7 @@ from .limits import LimitRow, limit_rows, share_cells
 from .run import RunData, read_run
 from .squeal import Family
 from .statistics import wilson
-from .tables import Row, Table
+from .tables import Row, RowTable
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +139,7 @@ def write_tables(directory: str | Path | RunData) -> list[Path]:
     folder = run.directory / "tables"
     folder.mkdir(exist_ok=True)
     return [
-        Table.of(kind, rows).write(folder / f"{name}.csv")
+        RowTable.of(kind, rows).write(folder / f"{name}.csv")
         for name, (kind, rows) in tables.items()
         if rows
     ]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .squeal import squeals
 from .stored import StoredSamples
-from .tables import Row, Table
+from .tables import Row, RowTable
 
 MEDIAN = "median"
 
@@ -54,19 +54,19 @@ class ContactDriver(Row):
     friction_work: float
 
 
-def driver_table(stored: StoredSamples, threshold: float) -> Table:
-    """Table of drivers.csv.
+def driver_table(stored: StoredSamples, threshold: float) -> RowTable:
+    """RowTable of drivers.csv.
 
     Args:
         stored: stored samples.
         threshold: a mode squeals where its damping lies below minus this.
     """
-    return Table.of(Driver, _rows(stored, threshold))
+    return RowTable.of(Driver, _rows(stored, threshold))
 
 
-def contact_driver_table(stored: StoredSamples, threshold: float) -> Table:
-    """Table of drivers_contact.csv; arguments as above."""
-    return Table.of(ContactDriver, _maps(stored, threshold))
+def contact_driver_table(stored: StoredSamples, threshold: float) -> RowTable:
+    """RowTable of drivers_contact.csv; arguments as above."""
+    return RowTable.of(ContactDriver, _maps(stored, threshold))
 
 
 def _squealing(data: dict[str, Any], threshold: float) -> NDArray[np.intp]:

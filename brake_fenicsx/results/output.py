@@ -28,7 +28,7 @@ from .counts import sample_facts, verification
 from .driver_tables import contact_driver_table, driver_table
 from .run import CAUSES, CONTACT, read_run, save_tables
 from .stored import StoredSamples
-from .tables import MODES, Row, Table
+from .tables import MODES, Row, RowTable
 
 if TYPE_CHECKING:
     from .probabilities import Ensemble
@@ -128,8 +128,8 @@ def _tables(
         for name, values in stored.forces().items()
     }
     tables = {
-        "samples": Table(tuple(stored.rows), zip(*stored.rows.values(), strict=True)),
-        "contact": Table.of(ContactElement, _contact(stored, study.brake.contact)),
+        "samples": RowTable(tuple(stored.rows), zip(*stored.rows.values(), strict=True)),
+        "contact": RowTable.of(ContactElement, _contact(stored, study.brake.contact)),
     }
     save_tables(study.store, CONTACT, {"contact": tables["contact"].columns})
     if "stability" in scene.stages:

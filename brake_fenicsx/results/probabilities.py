@@ -39,7 +39,7 @@ from brake_fenicsx.scene.samples import Plan, Samples
 from .run import RunData
 from .sensitivity import Indices, indices
 from .statistics import Correlation, rank_correlation, wilson
-from .tables import Row, Table
+from .tables import Row, RowTable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -265,7 +265,7 @@ def _causes(samples: Samples, e: Ensemble, o: Outcome) -> Causes:
     return Causes(indices(plan, e.x, o.growth, e.good), squeal, best, strongest)
 
 
-def cause_tables(samples: Samples, found: Sequence[Ensemble]) -> dict[str, Table]:
+def cause_tables(samples: Samples, found: Sequence[Ensemble]) -> dict[str, RowTable]:
     """The three tables by name; sensitivity only where some approach has random inputs.
 
     Args:
@@ -273,11 +273,11 @@ def cause_tables(samples: Samples, found: Sequence[Ensemble]) -> dict[str, Table
         found: samples of each approach, with their causes.
     """
     tables = {
-        "probabilities": Table.of(Probability, probability_rows(samples, found)),
-        "convergence": Table.of(Convergence, convergence_rows(samples, found)),
+        "probabilities": RowTable.of(Probability, probability_rows(samples, found)),
+        "convergence": RowTable.of(Convergence, convergence_rows(samples, found)),
     }
     if any(e.names for e in found):
-        tables["sensitivity"] = Table.of(Sensitivity, sensitivity_rows(found))
+        tables["sensitivity"] = RowTable.of(Sensitivity, sensitivity_rows(found))
     return tables
 
 

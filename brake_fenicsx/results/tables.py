@@ -41,7 +41,7 @@ class Row:
         return tuple(f.name for f in fields(cls))
 
 
-class Table:
+class RowTable:
     """Rows of one kind.
 
     Attributes:
@@ -63,7 +63,7 @@ class Table:
         self._texts = frozenset(texts)
 
     @classmethod
-    def of(cls, kind: type[Row], rows: Iterable[Row], without: Sequence[str] = ()) -> Table:
+    def of(cls, kind: type[Row], rows: Iterable[Row], without: Sequence[str] = ()) -> RowTable:
         """A table of rows of one class.
 
         Args:

@@ -19,7 +19,7 @@ from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.results.families import Onsets, known_numbers
 from brake_fenicsx.results.run import SWEEP, save_tables
 from brake_fenicsx.results.squeal import squeals
-from brake_fenicsx.results.tables import Row, Table
+from brake_fenicsx.results.tables import Row, RowTable
 from brake_fenicsx.scene.scalars import si_unit
 from brake_fenicsx.stability.modes import Complex
 
@@ -140,16 +140,16 @@ class SweepTables:
         store, chart = self._sweep.study.store, bool(self._sweep.second)
         without = () if chart else ("value_2",)
         tables = {
-            "sweep": Table.of(SweepRow, self._mode_rows(), without),
-            "lock_in": Table.of(EventRow, self._event_rows(), without),
+            "sweep": RowTable.of(SweepRow, self._mode_rows(), without),
+            "lock_in": RowTable.of(EventRow, self._event_rows(), without),
         }
         if chart:
-            tables["chart"] = Table.of(ChartRow, self._chart_rows())
+            tables["chart"] = RowTable.of(ChartRow, self._chart_rows())
         critical: list[Critical] = []
         if any(line is not None for _, line in self._samples.values()):
             critical = critical_values(self._onsets(), self._rising)
-            tables["critical"] = Table.of(CriticalRow, self._critical_rows(critical))
-            tables["critical_curve"] = Table.of(CurveRow, self._curve_rows(critical))
+            tables["critical"] = RowTable.of(CriticalRow, self._critical_rows(critical))
+            tables["critical_curve"] = RowTable.of(CurveRow, self._curve_rows(critical))
         for name, table in tables.items():
             table.write(store.path(f"{name}.csv"))
         save_tables(store, SWEEP, {name: table.columns for name, table in tables.items()})

@@ -12,7 +12,7 @@ from brake_fenicsx.folder.store import Store
 from brake_fenicsx.report.figures import make_figures
 from brake_fenicsx.report.mode_cards import SHAPES
 from brake_fenicsx.results.run import save_tables
-from brake_fenicsx.results.tables import MODES, SAMPLES, Table, write_rows
+from brake_fenicsx.results.tables import MODES, SAMPLES, RowTable, write_rows
 from run_tables import (
     CHART,
     CONTACT,
@@ -365,6 +365,6 @@ def shaped(drawn, tmp_path_factory) -> tuple[Path, list[list]]:
             frames[0].save(folder / f"{name}.webp", save_all=True, append_images=frames[1:])
             place = [approach, mode.family.number, mode.sample, mode.mode, mode.frequency]
             rows.append([*place, mode.damping, name, "disc", 7, "out of plane", 0.9])
-    shapes = Table(SHAPE_COLUMNS, rows).columns
+    shapes = RowTable(SHAPE_COLUMNS, rows).columns
     save_tables(Store(directory), f"figures/{SHAPES}", {"shapes": shapes})
     return directory, rows

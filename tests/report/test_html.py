@@ -16,7 +16,7 @@ from brake_fenicsx.report.parameter_sections import percent
 from brake_fenicsx.report.squeal_map import squeal_map
 from brake_fenicsx.results.probabilities import Probability
 from brake_fenicsx.results.run import RunData
-from brake_fenicsx.results.tables import MODES, SAMPLES, Table, write_rows
+from brake_fenicsx.results.tables import MODES, SAMPLES, RowTable, write_rows
 from run_tables import PROBABILITIES, read_run
 
 X = "{http://www.w3.org/1999/xhtml}"
@@ -322,8 +322,8 @@ def test_the_map_holds_every_mode_or_says_which(drawn):
     data = every["data"]
     columns = [data[key] for key in "asmfdevgp"]
     assert {len(column) for column in columns} == {every["total"]}
-    assert data["f"][0] == pytest.approx(run.modes["frequency_hz"][0], rel=1e-6)
-    unstable = np.array(data["v"]) == 1
+    assert data["frequency"][0] == pytest.approx(run.modes["frequency_hz"][0], rel=1e-6)
+    unstable = np.array(data["verdict"]) == 1
     assert unstable.sum() == np.sum((run.modes["verdict"] == "unstable") & good)
     few = squeal_map(run, found, "multi-scale", ModePictures(run), most=1000)
     assert few["shown"] <= 1000 < few["total"] and few["data"]["thinned"]
@@ -339,7 +339,7 @@ def test_every_table_and_caption_of_squeal_names_the_threshold(drawn):
     run.summary["in_effect"]["stability"]["threshold"] = 0.006
     place = ["parametric", 0.006, "family", "0", 1900.0, 40, 9, 0.2, 0.1, 0.4, -0.01, 2e-3]
     row = [*place, "no", *[None] * (len(PROBABILITIES) - len(place) - 1)]
-    causes = {**run.causes, "probabilities": Table.of(Probability, [Probability(*row)]).columns}
+    causes = {**run.causes, "probabilities": RowTable.of(Probability, [Probability(*row)]).columns}
     root = ElementTree.fromstring(render_page(replace(run, causes=causes)))
     said = "damping below -0.006"
     assert dict(facts_of(root.find(f".//{X}header")))["Squeal"].startswith(

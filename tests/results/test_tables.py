@@ -3,7 +3,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from brake_fenicsx.results.tables import Row, Table, show, text_table, write_rows
+from brake_fenicsx.results.tables import Row, RowTable, show, text_table, write_rows
 from run_tables import read_columns, read_rows
 
 NAMES = ("approach", "sample", "seed", "x", "note")
@@ -42,7 +42,7 @@ def test_random_floats_are_exact(tmp_path):
 
 
 def test_columns_have_their_types():
-    table = Table(NAMES, ROWS, ["approach"]).columns
+    table = RowTable(NAMES, ROWS, ["approach"]).columns
     assert table["sample"].dtype == np.int64
     assert table["seed"][0] == 2**64 - 1
     assert table["x"][0] == 0.1 + 0.2
@@ -60,11 +60,11 @@ class Pair(Row):
 
 def test_a_table_of_rows_has_the_columns_of_their_class(tmp_path):
     """In their order, those that are left out not; texts are texts in an empty table too."""
-    table = Table.of(Pair, [Pair("a", 0.5), Pair(None, None)])
+    table = RowTable.of(Pair, [Pair("a", 0.5), Pair(None, None)])
     assert table.write(tmp_path / "a.csv").read_text() == "name,x\na,0.5\n,\n"
     assert table.columns["name"].tolist() == ["a", ""]
-    assert Table.of(Pair, [Pair("a", 0.5)], ["name"]).cells == [[0.5]]
-    assert Table.of(Pair, []).columns["name"].dtype.kind == "U"
+    assert RowTable.of(Pair, [Pair("a", 0.5)], ["name"]).cells == [[0.5]]
+    assert RowTable.of(Pair, []).columns["name"].dtype.kind == "U"
 
 
 def test_mapping_rows_may_come_in_any_order(tmp_path):
@@ -109,11 +109,11 @@ def test_columns_of_mixed_cells_have_one_type():
     """Empty cells make numbers floats, words make text of all, as it is written."""
     names = ("approach", "late", "word", "empty", "whole")
     table = [["1", None if k < 4 else k, "all" if k > 4 else k, None, k] for k in range(6)]
-    columns = Table(names, table).columns
+    columns = RowTable(names, table).columns
     assert columns["approach"].tolist() == ["1"] * 6
     np.testing.assert_array_equal(columns["late"], [np.nan] * 4 + [4.0, 5.0])
     assert columns["word"].tolist() == ["0", "1", "2", "3", "4", "all"]
     assert np.isnan(columns["empty"].astype(float)).all()
     assert columns["whole"].dtype == np.int64
-    empty = Table(names, []).columns
+    empty = RowTable(names, []).columns
     assert {values.size for values in empty.values()} == {0}

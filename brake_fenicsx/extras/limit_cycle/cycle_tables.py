@@ -19,7 +19,7 @@ from brake_fenicsx.extras.limit_cycle.floquet import GIVES_WAY, UNDECIDED
 from brake_fenicsx.extras.limit_cycle.growth import STABLE, UNDAMPED
 from brake_fenicsx.extras.limit_cycle.sample import HEARD, MEASURES
 from brake_fenicsx.results.stored import StoredSamples
-from brake_fenicsx.results.tables import Table
+from brake_fenicsx.results.tables import RowTable
 
 MODE = ("approach", "sample", "family", "mode")
 CYCLES = (*MODE, "linear_frequency_hz", "linear_alpha_1_s", "outcome", *MEASURES)
@@ -32,13 +32,13 @@ FAMILIES = (
 LOUDNESS = ("level_1m_db", "disc_mm_s", "gap_um")
 
 
-def cycle_tables(stored: StoredSamples) -> dict[str, Table]:
+def cycle_tables(stored: StoredSamples) -> dict[str, RowTable]:
     """Tables limit_cycle, limit_cycle_growth and limit_cycle_families, by their names."""
     rows, texts = list(_cycles(stored)), ("approach", "outcome", "outcomes")
     return {
-        "limit_cycle": Table(CYCLES, rows, texts),
-        "limit_cycle_growth": Table(GROWTH, _growth(stored), texts),
-        "limit_cycle_families": Table(FAMILIES, _families(rows), texts),
+        "limit_cycle": RowTable(CYCLES, rows, texts),
+        "limit_cycle_growth": RowTable(GROWTH, _growth(stored), texts),
+        "limit_cycle_families": RowTable(FAMILIES, _families(rows), texts),
     }
 
 
