@@ -441,7 +441,7 @@ def report(
     write_tables(data)
     write_surface_tables(data)
     write_report(data, redraw=False)
-    if data.samples is None and any((directory / "samples").glob("*.*")):
+    if data.samples is not None and not (directory / "samples.csv").is_file():
         logger.warning(
             "%s: samples without tables; `run` of the scene, with -o %s, makes them", directory,
             directory,

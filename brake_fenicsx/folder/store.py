@@ -47,7 +47,7 @@ MADE_OF_SAMPLES = (
     "samples.csv", "modes.csv", "modes.parquet", "contact.csv", "contact.npz", "drivers.csv",
     "drivers_contact.csv", "probabilities.csv", "convergence.csv", "sensitivity.csv", "causes.npz",
     "shapes.npz", "sweep.npz", "sweep.csv", "lock_in.csv", "chart.csv", "critical.csv",
-    "critical_curve.csv",
+    "critical_curve.csv", "mode_shapes.npz",
 )  # fmt: skip
 
 

@@ -53,11 +53,7 @@ def _of_extra(extra: Extra, draw: str, run: RunData) -> Figure | None:
 
 
 PLOTS: tuple[Plot, ...] = (
-    Plot(
-        "figure4_topography",
-        topography_caption,
-        draw_topography,
-    ),
+    Plot("figure4_topography", topography_caption, draw_topography),
     Plot(
         "figure5_statistics",
         "Height distribution, and radial power spectrum C(q) of the scan with its bi-fractal fit "
@@ -89,11 +85,7 @@ PLOTS: tuple[Plot, ...] = (
         " of a light contact. E* is the composite modulus.",
         draw_contact_maps,
     ),
-    Plot(
-        "figure8_laws",
-        laws_caption,
-        draw_laws,
-    ),
+    Plot("figure8_laws", laws_caption, draw_laws),
     Plot(
         "figure9_squeal_map",
         "Frequency and damping of every complex mode of every sample; the scale is linear between "

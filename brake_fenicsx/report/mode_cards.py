@@ -16,7 +16,7 @@ from brake_fenicsx.results.tables import Row, Value
 
 from .overview import share_text
 
-SHAPES = "mode_shapes.npz"  # in figures/: what the pictures of modes show
+SHAPES = "mode_shapes.npz"  # what the pictures of modes show
 CLEAR = 0.5  # share of a harmonic above which a mode is named by it alone
 LEAST = 0.1  # shares of the kinetic energy that are named
 
@@ -71,7 +71,7 @@ class ModePictures:
         folder = run.directory / "figures"
         self.paths = {p.stem: p for p in sorted(folder.glob("mode_*.png"))}
         self.paths |= {p.stem: p for p in sorted(folder.glob("mode_*.webp"))}
-        table = read_tables(folder / SHAPES).get("shapes", {})
+        table = read_tables(run.directory / SHAPES).get("shapes", {})
         every = (dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True))
         self._facts = {str(row["picture"]): row for row in every if row["picture"] in self.paths}
         self._family: dict[tuple[str, int], str] = {}

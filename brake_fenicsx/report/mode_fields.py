@@ -144,7 +144,7 @@ def write_mode_fields(
     if comm.rank == 0:
         table = RowTable.of(ModeShape, rows)
         table.write(store.path("figures", "mode_shapes.csv"))
-        save_tables(store, f"figures/{SHAPES}", {"shapes": table.columns})
+        save_tables(store, SHAPES, {"shapes": table.columns})
     return lost
 
 

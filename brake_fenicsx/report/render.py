@@ -100,12 +100,7 @@ def pyvista() -> Any:
     return import_module("pyvista")
 
 
-def render_mode(
-    path: str | Path,
-    V: Any,
-    values: NDArray,
-    title: str = "",
-) -> Path:
+def render_mode(path: str | Path, V: Any, values: NDArray, title: str = "") -> Path:
     """Draw a mode shape: warped, coloured by the displacement's amplitude, bodies in a row.
 
     A complex mode is drawn at the phase of its largest motion; its colour is the amplitude over the
@@ -326,11 +321,7 @@ MILLISECONDS = 90  # a frame is shown
 
 
 def animate_mode(
-    path: str | Path,
-    V: Any,
-    values: NDArray,
-    frames: int = 10,
-    width: int = 420,
+    path: str | Path, V: Any, values: NDArray, frames: int = 10, width: int = 420
 ) -> Path:
     """Draw one period of a mode, seen from z > 0, bodies in a row, as an animated WebP.
 

@@ -144,10 +144,7 @@ def _families(
 
 
 def more_cards(
-    run: RunData,
-    families: Mapping[str, list[Family]],
-    pictures: ModePictures,
-    shown: set[str],
+    run: RunData, families: Mapping[str, list[Family]], pictures: ModePictures, shown: set[str]
 ) -> list[Card]:
     """Cards of all pictures that the first screen does not show, the most severe families first.
 

@@ -372,10 +372,7 @@ def compare(axes: Axes, s: Arrays, x: str, y: str, x_unit: float, y_unit: float)
     first = ("", "scan" if scans == 1 else f"{scans} scans", BLUE, "-")
     if "heights" not in s:
         first = ("" if x in s else "fit_", "as given", BLUE, "-")
-    for prefix, text, colour, line in (
-        first,
-        ("artificial_", "artificial", ORANGE, "--"),
-    ):
+    for prefix, text, colour, line in (first, ("artificial_", "artificial", ORANGE, "--")):
         if prefix + x in s:
             u, v = s[prefix + x] * x_unit, s[prefix + y] * y_unit
             good = np.isfinite(v) & (v > 0)

@@ -60,10 +60,7 @@ def _doublets(run: RunData, found: list[Family], chosen: list[Family]) -> list[s
 
 
 def _worse(
-    run: RunData,
-    families: Mapping[str, list[Family]],
-    lead: str,
-    chosen: list[Family],
+    run: RunData, families: Mapping[str, list[Family]], lead: str, chosen: list[Family]
 ) -> list[str]:
     """The mode of lowest damping of another approach, where no candidate has a lower one."""
     others = [f for name, found in families.items() if name != lead for f in found]

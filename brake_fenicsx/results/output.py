@@ -22,7 +22,7 @@ from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene.in_effect import in_effect
 
-from .blocks import FOUNDERS, FOUNDING, founders_of, tabulation_of
+from . import blocks
 from .columns import column_writer
 from .counts import sample_facts, verification
 from .driver_tables import contact_driver_table, driver_table
@@ -64,13 +64,13 @@ def prepare_blocks(study: Study) -> None:
     """
     stability = study.scene.stability
     many = stability is not None and len(study.tasks) > sample_files.BLOCK
-    there = on_first(lambda: study.store.path(FOUNDERS).is_file(), study.comm)
+    there = on_first(lambda: study.store.path(blocks.FOUNDERS).is_file(), study.comm)
     if many and not there:
         if study.store.share is not None:
             return
-        study.run(FOUNDING)
-        on_first(lambda: founders_of(study.store, study.tasks), study.comm)
-    tabulate = tabulation_of(study.store, study.tasks, stability and stability.threshold)
+        study.run(blocks.FOUNDING)
+        on_first(lambda: blocks.founders_of(study.store, study.tasks), study.comm)
+    tabulate = blocks.tabulation_of(study.store, study.tasks, stability and stability.threshold)
     own = {name for name, _ in study.tasks}
     study.store.samples.tabulate = lambda tasks, load: (
         tabulate(tasks, load) if tasks[0][0] in own else None

@@ -102,9 +102,7 @@ def as_array(values: Sequence[Value], text: bool = False) -> NDArray:
 
 
 def write_rows(
-    path: str | Path,
-    columns: Sequence[str],
-    rows: Iterable[Sequence[Value] | Mapping[str, Value]],
+    path: str | Path, columns: Sequence[str], rows: Iterable[Sequence[Value] | Mapping[str, Value]]
 ) -> Path:
     """Write a table at once: the file appears complete or not at all.
 

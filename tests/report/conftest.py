@@ -366,5 +366,5 @@ def shaped(drawn, tmp_path_factory) -> tuple[Path, list[list]]:
             place = [approach, mode.family.number, mode.sample, mode.mode, mode.frequency]
             rows.append([*place, mode.damping, name, "disc", 7, "out of plane", 0.9])
     shapes = RowTable(SHAPE_COLUMNS, rows).columns
-    save_tables(Store(directory), f"figures/{SHAPES}", {"shapes": shapes})
+    save_tables(Store(directory), SHAPES, {"shapes": shapes})
     return directory, rows
