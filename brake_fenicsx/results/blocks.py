@@ -115,20 +115,15 @@ def tabulation_of(store: Store, tasks: Sequence[Task], threshold: float | None) 
 
 
 def founders_of(store: Store, tasks: Sequence[Task]) -> ModeFamilies:
-    """Families of the first samples of every approach, kept in the folder."""
+    """Families of the first samples of every approach, those kept in the folder if they are."""
     made, known = ModeFamilies(), store.load(FOUNDERS)
     if known is not None:
-        made.vectors, made.frequencies = (
-            [*known["vectors"]],
-            [float(f) for f in known["frequencies"]],
-        )
+        made.vectors, made.frequencies = [*known["vectors"]], known["frequencies"].tolist()
         return made
     for task in tasks:
         data = store.samples.load(task) if task[1] < FOUNDING else None
         if data is not None and "coordinates" in data:
             _added(made, data)
-    vectors, frequencies = np.array(made.vectors), np.array(made.frequencies)
-    store.save(FOUNDERS, vectors=vectors, frequencies=frequencies)
     return made
 
 

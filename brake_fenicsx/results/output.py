@@ -69,12 +69,18 @@ def prepare_blocks(study: Study) -> None:
         if study.store.share is not None:
             return
         study.run(blocks.FOUNDING)
-        on_first(lambda: blocks.founders_of(study.store, study.tasks), study.comm)
+        on_first(lambda: _keep_founders(study), study.comm)
     tabulate = blocks.tabulation_of(study.store, study.tasks, stability and stability.threshold)
     own = {name for name, _ in study.tasks}
     study.store.samples.tabulate = lambda tasks, load: (
         tabulate(tasks, load) if tasks[0][0] in own else None
     )
+
+
+def _keep_founders(study: Study) -> None:
+    made = blocks.founders_of(study.store, study.tasks)
+    vectors, frequencies = np.array(made.vectors), np.array(made.frequencies)
+    study.store.save(blocks.FOUNDERS, vectors=vectors, frequencies=frequencies)
 
 
 def write_results(study: Study) -> First:
