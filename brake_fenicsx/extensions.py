@@ -60,8 +60,8 @@ class Extra:
         bodies: ``bodies(scene, mesh, elastic)``, the bodies with those given by matrices.
         nodes: ``nodes(scene)``, names of the sets of nodes of these.
         samples: what is computed beside the modes of each sample -> ``work(scene, models)``, an
-            object with the method ``of(approach, sample, equilibrium, modes, partner, reduced)``,
-            which gives arrays to store; the reduced model serves it.
+            object with the method ``of(sample, equilibrium, modes, partner, reduced)``, which gives
+            arrays to store; the reduced model serves it.
         band: kept modes of the reduced model reach this multiple of the band for it.
         arrays: how names of these arrays begin.
         stage: ``stage(run, study)``, after the results; collective.
@@ -126,6 +126,11 @@ def sections(scene: Any) -> list[Any]:
 def beside_samples(scene: Any) -> dict[str, str]:
     """What extras compute beside the modes of each sample of a scene -> the work."""
     return {what: name for e in named(scene) for what, name in e.samples.items()}
+
+
+def widest_band(scene: Any) -> float:
+    """Multiple of the band that kept modes reach for extras; 0 if none asks for it."""
+    return max((extra.band for extra in named(scene)), default=0.0)
 
 
 def shown(run: Any) -> list[Extra]:
@@ -234,14 +239,15 @@ def own_class(name: str, folder: Path, allowed: bool) -> tuple[Any, list[str]]:
     module, _, attribute = name.partition(":")
     points = [point for point in entry_points(group=OWN) if point.value == name]
     path = folder / f"{module}.py"
-    if not points and path.is_file() and not allowed:
+    there = module.isidentifier() and path.is_file()
+    if not points and there and not allowed:
         raise ValueError(
             f"{path} is code beside the scene; read it, and give --allow-extensions to run it"
         )
-    if not points and not path.is_file():
+    if not points and not there:
         raise ValueError(
-            f"no installed package has it among its entry points {OWN}, and there is no {path};"
-            ' write "module:attribute"'
+            f"no installed package has it among its entry points {OWN}, and there is no module"
+            f' {path}; write "module:attribute"'
         )
     try:
         if points:

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.build.shapes import FILE as SHAPES
-from brake_fenicsx.build.shapes import family_shapes
 from brake_fenicsx.extensions import load, named
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.memory import release_memory
@@ -26,6 +24,8 @@ from . import blocks
 from .columns import column_writer
 from .counts import sample_facts, verification
 from .driver_tables import contact_driver_table, driver_table
+from .family_shapes import FILE as SHAPES
+from .family_shapes import family_shapes
 from .run import CAUSES, CONTACT, read_run, save_tables
 from .stored import StoredSamples
 from .tables import MODES, Row, RowTable
@@ -178,6 +178,6 @@ def _contact(stored: StoredSamples, contact: Contact) -> Iterator[ContactElement
 def _write_shapes(study: Study, points: NDArray[np.float64], stored: StoredSamples) -> None:
     """Shapes of the families that squeal, for comparisons with other runs."""
     if known := stored.squealing_members:
-        u = study.models.shapes(np.array([*known.values()]).T)
+        u = study.models.coordinates.displacements(np.array([*known.values()]).T)
         body = study.models.numbering.body
         study.store.save(SHAPES, **family_shapes(points, body, u, np.array([*known])))

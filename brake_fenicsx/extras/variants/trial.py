@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import beta, binom
 
-from brake_fenicsx.build.shapes import FILE as SHAPES
-from brake_fenicsx.build.shapes import shapes_at_dofs
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.mac import mac
 from brake_fenicsx.results.families import known_numbers
+from brake_fenicsx.results.family_shapes import FILE as SHAPES
+from brake_fenicsx.results.family_shapes import shapes_at_dofs
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family, squeals
 from brake_fenicsx.results.statistics import Proportion, wilson
@@ -101,7 +101,7 @@ class Trial:
         self._study, self._worst, self._comm, self._key = study, worst, comm, key
         body = study.models.numbering.body
         shapes = shapes_at_dofs(worst.shapes, dof_points(study.brake), body)
-        found = study.models.coordinates(shapes)
+        found = study.models.coordinates.of(shapes)
         if found is None:
             raise ValueError("a scene with a sweep has coordinates")
         self._known = found / np.linalg.norm(found, axis=0)
