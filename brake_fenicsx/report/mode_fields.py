@@ -269,7 +269,7 @@ def _write_modes(
         if pictures:
             render_mode(store.path("figures", f"{picture}.png"), V, shape, title)
             animate_mode(store.path("figures", f"{picture}.webp"), V, shape)
-        row = ModeShape(
+        row = ModeShape.of(
             name,
             mode.family.number,
             mode.sample,

@@ -12,7 +12,7 @@ from brake_fenicsx.results.answer import approach_rows
 from brake_fenicsx.results.limits import limit_rows
 from brake_fenicsx.results.run import RunData, read_run
 from brake_fenicsx.results.squeal import kilohertz
-from brake_fenicsx.results.tables import text_table
+from brake_fenicsx.results.tables import Value, text_table
 
 
 def cause_rows(run: RunData, most: int = 12) -> list[tuple[str, str, dict[str, Any]]]:
@@ -59,13 +59,13 @@ def summary_table(run: RunData | str | Path) -> str:
         "approach", "samples", "failed", "modes", "unstable", "neutral", "squeal modes",
         "squeal samples", "share", "most severe (squeal samples, median damping)",
     )  # fmt: skip
-    rows = [
+    rows: list[list[Value]] = [
         [run.label(r.approach), r.samples, r.failed, r.modes, r.unstable_modes, r.neutral_modes,
          r.squeal_modes, r.squeal_samples, share_text(r.share, r.share_low, r.share_high),
          r.most_severe]
         for r in approach_rows(run)
     ]  # fmt: skip
-    limits = [
+    limits: list[list[Value]] = [
         [run.label(r.approach), r.limit, r.damping_below, r.squeal_modes, r.squeal_samples,
          r.samples, share_text(r.share, r.share_low, r.share_high)]
         for r in limit_rows(run)
@@ -100,7 +100,7 @@ def open_points(run: RunData) -> str:
     return "; ".join(found) + " (samples.csv)" if found else ""
 
 
-def share_text(*interval: float | None) -> str:
+def share_text(*interval: Value) -> str:
     """A share with its interval in per cent, or a dash where there is none."""
-    known = [100 * v for v in interval if v is not None and np.isfinite(v)]
+    known = [100 * v for v in interval if isinstance(v, float) and np.isfinite(v)]
     return "{:.0f} % ({:.0f} to {:.0f} %)".format(*known) if len(known) == 3 else "-"

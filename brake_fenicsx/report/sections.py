@@ -106,7 +106,7 @@ def _approaches(run: RunData) -> Table:
         "approach", "samples", "failed", "modes", "unstable modes", "neutral modes",
         f"squeal modes ({run.criterion})", "squeal samples", "share of squeal samples",
     ]  # fmt: skip
-    rows = [
+    rows: list[list[Value]] = [
         [run.label(r.approach), r.samples, r.failed, r.modes, r.unstable_modes, r.neutral_modes,
          r.squeal_modes, r.squeal_samples, share_text(r.share, r.share_low, r.share_high)]
         for r in approach_rows(run)

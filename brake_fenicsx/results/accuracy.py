@@ -63,13 +63,15 @@ def error_rows(run: RunData) -> list[ErrorRow]:
     Returns:
         The rows; a figure that no mode has is None.
     """
-    rows = list[ErrorRow]()
-    for approach in run.approaches if run.modes is not None else ():
-        mine = np.asarray(run.modes["approach"] == approach)
-        rows.append(ErrorRow(
-            approach, int(mine.sum()), *_quantiles(run.modes["residual"], mine, 0.5, 1.0),
+    rows, modes = list[ErrorRow](), run.modes
+    if modes is None:
+        return rows
+    for approach in run.approaches:
+        mine = np.asarray(modes["approach"] == approach)
+        rows.append(ErrorRow.of(
+            approach, int(mine.sum()), *_quantiles(modes["residual"], mine, 0.5, 1.0),
             *_quantiles(run.errors, mine, 0.5, 0.95, 1.0),
-            *_quantiles(run.modes["condition"], mine, 1.0),
+            *_quantiles(modes["condition"], mine, 1.0),
         ))  # fmt: skip
     return rows
 
@@ -92,7 +94,7 @@ def speed_rows(run: RunData) -> list[SpeedRow]:
         about, own = samples.get(name, {}), errors.get(name)
         known = [about.get(k) for k in ("good", *SpeedRow.names()[2:4])]
         error = (None, None) if own is None else (own.error_median, own.error_max)
-        rows.append(SpeedRow(name, *known, *error, about.get("counted_by")))
+        rows.append(SpeedRow.of(name, *known, *error, about.get("counted_by")))
     checked = run.summary.get("verification")
     if isinstance(checked, Mapping) and (compared := checked.get("samples_compared")):
         verdicts = (
@@ -100,7 +102,7 @@ def speed_rows(run: RunData) -> list[SpeedRow]:
             f" {checked.get('errors_beyond_estimates')} errors beyond their estimates"
         )
         true = [checked.get(f"{kind}_relative_error") for kind in ("median", "largest")]
-        rows.append(SpeedRow("against full order", compared, None, None, *true, verdicts))
+        rows.append(SpeedRow.of("against full order", compared, None, None, *true, verdicts))
     return rows
 
 

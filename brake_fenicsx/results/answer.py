@@ -81,7 +81,7 @@ def approach_rows(run: RunData, most: int = 3) -> list[ApproachRow]:
     for approach in run.approaches:
         c = run.squeal.count(approach)
         families = "; ".join(map(_family_text, run.squeal.families(approach)[:most]))
-        rows.append(ApproachRow(
+        rows.append(ApproachRow.of(
             approach, c.samples, c.failed, c.modes, c.unstable, c.neutral, run.threshold, c.squeal,
             c.squeal_samples, *share_cells(wilson(c.squeal_samples, c.samples)),
             families or "none",
@@ -97,7 +97,7 @@ def family_rows(run: RunData, most: int | None = None) -> list[FamilyRow]:
         most: rows of each approach, the most severe ones; all if not given.
     """
     return [
-        FamilyRow(
+        FamilyRow.of(
             f.approach, f.number, f.frequency, f.spread, run.threshold, f.share.hits,
             *share_cells(f.share), f.median, f.worst, f.severity,
         )
@@ -109,7 +109,7 @@ def band_rows(run: RunData) -> list[BandRow]:
     """One row per approach and frequency band; none without modes."""
     bands = list(pairwise(map(float, run.squeal.edges)))
     return [
-        BandRow(approach, *band, run.threshold, s.hits, s.n, *share_cells(s))
+        BandRow.of(approach, *band, run.threshold, s.hits, s.n, *share_cells(s))
         for approach in (run.approaches if run.modes else ())
         for band, s in zip(bands, run.squeal.share_per_band(approach), strict=True)
     ]

@@ -95,7 +95,7 @@ def _row(place: list[Any], numbers: NDArray, name: tuple[str, str], modes: int) 
     """A row from its place: approach, sample, family and mode."""
     values = [float(x) for x in numbers]
     trusted = "yes" if values[7] >= 0.5 else "no"
-    return Driver(*place, *values[:4], *name, *values[4:7], trusted, modes)
+    return Driver.of(*place, *values[:4], *name, *values[4:7], trusted, modes)
 
 
 def _names(data: dict[str, Any]) -> list[tuple[str, str]]:
@@ -145,4 +145,4 @@ def _maps(stored: StoredSamples, threshold: float) -> Iterator[ContactDriver]:
             pairs = zip(data["driver_map"][:, place], data["driver_work"][:, place], strict=True)
             for element, (d, work) in enumerate(pairs):
                 values = float(d.real), float(d.imag / (2 * np.pi)), float(work)
-                yield ContactDriver(*task, mode, element, *values)
+                yield ContactDriver.of(*task, mode, element, *values)

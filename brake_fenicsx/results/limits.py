@@ -74,5 +74,5 @@ def limit_rows(run: RunData, approaches: Sequence[str] | None = None) -> list[Li
             hits = np.unique(modes["sample"][loud]).size
             share = share_cells(wilson(hits, n))
             counts = int(loud.sum()), hits, n
-            rows.append(LimitRow(approach, text, -limit or 0.0, *counts, *share))
+            rows.append(LimitRow.of(approach, text, -limit or 0.0, *counts, *share))
     return rows

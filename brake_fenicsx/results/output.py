@@ -70,7 +70,9 @@ def prepare_blocks(study: Study) -> None:
             return
         study.run(blocks.FOUNDING)
         on_first(lambda: _keep_founders(study), study.comm)
-    tabulate = blocks.tabulation_of(study.store, study.tasks, stability and stability.threshold)
+    tabulate = blocks.tabulation_of(
+        study.store, study.tasks, None if stability is None else stability.threshold
+    )
     own = {name for name, _ in study.tasks}
     study.store.samples.tabulate = lambda tasks, load: (
         tabulate(tasks, load) if tasks[0][0] in own else None
@@ -172,7 +174,7 @@ def _contact(stored: StoredSamples, contact: Contact) -> Iterator[ContactElement
         names = ("g", "g_cr", "p", "k", "k_vibration")
         values = np.column_stack([own.points, own.w, *(d[name] for name in names)])
         for i, (row, law) in enumerate(zip(values, d["law"], strict=True)):
-            yield ContactElement(*task, i, *map(float, row), int(law))
+            yield ContactElement.of(*task, i, *map(float, row), int(law))
 
 
 def _write_shapes(study: Study, points: NDArray[np.float64], stored: StoredSamples) -> None:

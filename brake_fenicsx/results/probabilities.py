@@ -304,7 +304,7 @@ def sensitivity_rows(found: Sequence[Ensemble]) -> Iterator[Sensitivity]:
                     first = _interval(x.first[i], x.first_half[i])
                     total = _interval(x.total[i], x.total_half[i])
                     counts = [x.method, x.used, x.filled]
-                    yield Sensitivity(*_place(e, o), name, key, *first, *total, *counts)
+                    yield Sensitivity.of(*_place(e, o), name, key, *first, *total, *counts)
 
 
 def _interval(value: float, half: float) -> list[float | None]:
@@ -328,7 +328,7 @@ def probability_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[Pr
                 "yes" if share.low > samples.limit else "no" if share.high < samples.limit
                 else "open"
             )  # fmt: skip
-            yield Probability(
+            yield Probability.of(
                 *_place(e, o), share.n, share.hits, *share.cells,
                 o.median_damping, share.value * abs(o.median_damping or 0.0), above,
                 *_dominant(cause, e), *_shares(cause.growth, e),
@@ -363,7 +363,7 @@ def convergence_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[Co
             for n in [e.good.size] if rigid else _beginnings(e.good.size):
                 hits = o.squeal[:n][e.good[:n]]
                 share = wilson(int(hits.sum()), hits.size)
-                yield Convergence(*_place(e, o), share.n, *share.cells)
+                yield Convergence.of(*_place(e, o), share.n, *share.cells)
 
 
 def _beginnings(n: int) -> list[int]:

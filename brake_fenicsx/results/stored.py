@@ -6,7 +6,7 @@ Rows stand in the order of the tasks: no order of work shows.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -127,7 +127,8 @@ class StoredSamples:
         place = 0
         for block in self._rows:
             for known, drawn in zip(block.each("random_names"), block.each("random"), strict=True):
-                for name, value in zip(known, drawn, strict=True) if known is not None else ():
+                there = known is not None and drawn is not None
+                for name, value in zip(known, drawn, strict=True) if there else ():  # type: ignore[arg-type]
                     values[str(name)][place] = float(value)
                 place += 1
         columns |= values
@@ -253,7 +254,7 @@ def _mode_columns(
         start = np.repeat(np.cumsum(sizes) - sizes, sizes)
         return (np.arange(sizes.sum()) - start).astype(np.int16)
 
-    def partner() -> Any:
+    def partners() -> Any:
         pairs = zip(block.each("partner"), sizes, strict=True)
         whole = np.concatenate([np.full(n, -1) if a is None else a for a, n in pairs])
         return ma.masked_less(whole.astype(np.int32), 0)
@@ -276,6 +277,6 @@ def _mode_columns(
         "damping": stored("damping"), "residual": stored("residual"),
         "error_estimate": stored("error"), "condition": stored("condition"),
         "verdict": stored("verdict"), "family": lambda: numbers[block.column("family")],
-        "partner": partner,
-        **{f"share_{name}": lambda i=i: share(i) for i, name in enumerate(layers)},
+        "partner": partners,
+        **{f"share_{name}": partial(share, i) for i, name in enumerate(layers)},
     }  # fmt: skip

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,11 @@ class Row:
     def names(cls) -> tuple[str, ...]:
         """Names of the columns."""
         return tuple(f.name for f in fields(cls))
+
+    @classmethod
+    def of(cls, *cells: Any) -> Self:
+        """A row of the values of its columns."""
+        return cls(*cells)  # type: ignore[call-arg, unused-ignore]
 
 
 class RowTable:

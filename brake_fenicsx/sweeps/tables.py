@@ -177,7 +177,7 @@ class SweepTables:
                 x = float(line.x[state])
                 if x in wanted:
                     omega = s.imag
-                    yield SweepRow(
+                    yield SweepRow.of(
                         *first, x, wanted[x], branch, omega / (2 * np.pi), s.real,
                         -2 * s.real / omega + 0.0, error, verdict,
                     )  # fmt: skip
@@ -187,7 +187,7 @@ class SweepTables:
             for i, e in enumerate(line.events):
                 there = np.isfinite(e.s)
                 pair = [n if n >= 0 else None for n in e.branches]
-                yield EventRow(
+                yield EventRow.of(
                     *first, e.kind, e.x, e.error,
                     float(e.s.imag / (2 * np.pi)) if there else None,
                     float(e.s.real) if there else None, *pair, self._family.get((kind, task, i)),
@@ -242,14 +242,14 @@ class SweepTables:
                 here = np.flatnonzero(line.x[line.state] == x)
                 worst = float(modes["damping"][here].min()) if here.size else None
                 counts = int(unstable[here].sum()), int(squeal[here].sum())
-                yield ChartRow(first[0], x, first[2], *counts, worst)
+                yield ChartRow.of(first[0], x, first[2], *counts, worst)
 
     def _critical_rows(self, critical: Sequence[Critical]) -> Iterator[CriticalRow]:
         for c in critical:
             low, middle, high = (c.quantile(p) for p in (0.05, 0.5, 0.95))
             cells = [low[0], *middle, high[0]]
             at_first = int(np.sum(c.values == -np.inf))
-            yield CriticalRow(
+            yield CriticalRow.of(
                 self._sweep.samples[0][0], self._sweep.key, c.family if c.family >= 0 else None,
                 c.frequency, c.values.size, c.reached, at_first,
                 *(float(v) if np.isfinite(v) else None for v in cells),
@@ -263,7 +263,7 @@ class SweepTables:
             for x in sorted({*values, *onsets}, reverse=values[0] > values[-1]):
                 share = c.by(x)
                 number = c.family if c.family >= 0 else None
-                yield CurveRow(self._sweep.samples[0][0], number, x, share.n, *share.cells)
+                yield CurveRow.of(self._sweep.samples[0][0], number, x, share.n, *share.cells)
 
     def _facts(self, critical: Sequence[Critical]) -> dict[str, Any]:
         """Figures for the summary."""
