@@ -1,6 +1,6 @@
 """[stability.damping]: the damping terms of a scene, each only where it is named.
 
-Their signs and derivations are in ``stability.damping`` and ``stability.gyroscopic``.
+Their signs and derivations are in ``stability.damping_matrices``.
 """
 
 from __future__ import annotations
