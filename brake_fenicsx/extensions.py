@@ -64,9 +64,10 @@ class Extra:
             arrays to store; the reduced model serves it.
         band: kept modes of the reduced model reach this multiple of the band for it.
         arrays: how names of these arrays begin.
-        stage: ``stage(run, study)``, after the results; collective.
+        stage: ``stage(run, study)``, after the results; collective; it gives a ``RowTable`` by
+            stem on the first process.
         tables: stems of its tables, which ``RunData.extras`` holds.
-        write: ``write(folder, results)``, which writes them from the stored samples.
+        make_tables: ``tables(stored)``, a ``RowTable`` by stem, from the stored samples.
         figures: name of a figure -> ``draw(run)``, and its caption.
         page: key and title of a section of the page, and ``blocks(run)`` that it begins with.
         cards: fact beside a picture of a mode -> ``text(run, approach, family)``.
@@ -85,7 +86,7 @@ class Extra:
     arrays: tuple[str, ...] = ()
     stage: str = ""
     tables: tuple[str, ...] = ()
-    write: str = ""
+    make_tables: str = ""
     figures: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     page: tuple[str, str, str] = ("", "", "")
     cards: Mapping[str, str] = field(default_factory=dict)
