@@ -11,12 +11,11 @@ from scipy.fft import next_fast_len
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import active_terms
-from brake_fenicsx.scene.friction import rubs, slides
-from brake_fenicsx.scene.plausible import unusual
+from brake_fenicsx.scene.approaches import active_terms, rubs, slides
+from brake_fenicsx.scene.keys import dotted
 from brake_fenicsx.scene.scalars import changes_bodies
-from brake_fenicsx.scene.surface import MAX_PIXELS
-from brake_fenicsx.scene.tables import dotted
+from brake_fenicsx.scene.surface_section import MAX_PIXELS
+from brake_fenicsx.scene.warnings import unusual
 
 if TYPE_CHECKING:
     from brake_fenicsx.surface import SurfaceStatistics

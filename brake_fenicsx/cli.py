@@ -165,7 +165,7 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
             print(f"open {found}")
     elif comm.rank == 0 and options.command == "schema":
         from brake_fenicsx.scene import Scene
-        from brake_fenicsx.scene.tables import json_schema
+        from brake_fenicsx.scene.keys import json_schema
 
         _print_json(json_schema(Scene))
     elif comm.rank == 0 and options.command == "compare":

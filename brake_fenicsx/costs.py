@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import active_terms, reduced_approaches
+from brake_fenicsx.scene.approaches import active_terms, reduced_approaches
 from brake_fenicsx.scene.in_effect import in_effect
 from brake_fenicsx.scene.scalars import changes_bodies
 

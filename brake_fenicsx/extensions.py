@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import Damping
 from brake_fenicsx.scene.scalars import check_scalar
+from brake_fenicsx.scene.stability_section import Damping
 
 if TYPE_CHECKING:
     import scipy.sparse as sp

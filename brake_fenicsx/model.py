@@ -29,11 +29,11 @@ from brake_fenicsx.pipeline import before_samples, make_study
 from brake_fenicsx.samples.executor import Source, samples_elsewhere, samples_here
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import result_digest
+from brake_fenicsx.scene.keys import KeyMistake
 from brake_fenicsx.scene.read import from_text, scene_text, toml_text
-from brake_fenicsx.scene.samples import unit_of
+from brake_fenicsx.scene.samples_section import unit_of
 from brake_fenicsx.scene.scalars import check_scalar, si_unit
-from brake_fenicsx.scene.sweep import Range, Sweep
-from brake_fenicsx.scene.tables import KeyMistake
+from brake_fenicsx.scene.sweep_section import Range, Sweep
 from brake_fenicsx.stages import Run
 
 if TYPE_CHECKING:

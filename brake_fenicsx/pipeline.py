@@ -37,8 +37,8 @@ from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.results.versions import differences, versions
 from brake_fenicsx.scene import STAGES, read_scene
+from brake_fenicsx.scene.approaches import friction_texts, listed
 from brake_fenicsx.scene.digest import result_digest
-from brake_fenicsx.scene.friction import friction_texts, listed
 from brake_fenicsx.scene.in_effect import in_effect
 from brake_fenicsx.stages import Run, note_warnings
 

@@ -171,7 +171,7 @@ def intervals(args: argparse.Namespace) -> None:
     """First-order indices of Ishigami's function: error, width and coverage of the intervals."""
     from brake_fenicsx.results.sensitivity import indices
     from brake_fenicsx.samples.designs import design_points, design_size
-    from brake_fenicsx.scene.samples import Plan
+    from brake_fenicsx.scene.samples_section import Plan
 
     a, b = 7.0, 0.1
     variance = a**2 / 8 + b * np.pi**4 / 5 + b**2 * np.pi**8 / 18 + 0.5

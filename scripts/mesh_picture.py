@@ -18,7 +18,7 @@ from dolfinx import plot
 
 from brake_fenicsx.geometry import disc, pad
 from brake_fenicsx.meshing.brake_mesh import build_mesh
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 
 OUT = Path(__file__).parents[1] / "docs" / "meshes.png"
 COLOURS = {"body": "#b8bec6", "lining": "#c9743c", "plate": "#5b7fa6", "shim": "#3f8f6b"}

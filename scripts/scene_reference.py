@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.scene import BUILDERS, STAGES, Scene
-from brake_fenicsx.scene.parts import FileKeys, PartKeys, builder_class
-from brake_fenicsx.scene.tables import keys_of, kind_text, kinds_of, meanings, written_default
+from brake_fenicsx.scene.keys import keys_of, kind_text, kinds_of, meanings, written_default
+from brake_fenicsx.scene.parts_section import FileKeys, PartKeys, builder_class
 from brake_fenicsx.scene.units import DIMENSIONS
 
 OUT = Path(__file__).parents[1] / "docs" / "scene.md"

@@ -147,7 +147,7 @@ class TwoBlocks:
         from brake_fenicsx.macro.friction import Translation
         from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
         from brake_fenicsx.meshing.brake_mesh import build_mesh
-        from brake_fenicsx.scene.mesh import MeshTable
+        from brake_fenicsx.scene.mesh_section import MeshTable
 
         self.comm = comm
         self.parts = {"pad": (block, block.Block(**pad)), "plate": (block, block.Block(**plate))}

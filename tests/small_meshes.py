@@ -8,7 +8,7 @@ from brake_fenicsx.geometry import block
 from brake_fenicsx.meshing.brake_mesh import raw_mesh
 from brake_fenicsx.meshing.gmsh_mesh import discrete_model, gmsh_session
 from brake_fenicsx.meshing.rawmesh import facet_nodes, joined, turned
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 
 LOW = block.Block(length=40e-3, width=20e-3, height=10e-3, z=-10e-3, size=8e-3)
 HIGH = block.Block(length=40e-3, width=20e-3, height=12e-3, z=0.0, size=8e-3)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.friction import slides
+from brake_fenicsx.scene.approaches import slides
 
 from brake_fenicsx.macro.condensation import Compliance
 from brake_fenicsx.macro.contact import Contact, contact_elements, join

@@ -34,12 +34,12 @@ from brake_fenicsx.build.morphing import Move, Moving, deformed_layers, movement
 from brake_fenicsx.build.part_builders import file_parts
 from brake_fenicsx.meshing.stretching import Assembly, Power, Stretch, check_layer
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import turning_parts
-from brake_fenicsx.scene.faces import faces_by_area
-from brake_fenicsx.scene.parts import FILE_LAYER, layers_of_thickness, length_key
-from brake_fenicsx.scene.samples import is_constant, split_key, unit_of
+from brake_fenicsx.scene.approaches import turning_parts
+from brake_fenicsx.scene.body_rules import faces_by_area
+from brake_fenicsx.scene.parts_section import FILE_LAYER, layers_of_thickness, length_key
+from brake_fenicsx.scene.samples_section import is_constant, split_key, unit_of
 from brake_fenicsx.scene.scalars import changes_bodies, is_inertia, is_length
-from brake_fenicsx.scene.sweep import Range
+from brake_fenicsx.scene.sweep_section import Range
 
 from brake_fenicsx.samples.designs import quantile
 from brake_fenicsx.samples.inputs import by_material, nominal_value

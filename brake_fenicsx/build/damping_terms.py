@@ -73,8 +73,9 @@ from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.build.material_table import layer_material, layer_materials, scene_materials
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import Damping, ModalDamping, turning_parts
-from brake_fenicsx.scene.samples import split_key
+from brake_fenicsx.scene.approaches import turning_parts
+from brake_fenicsx.scene.stability_section import Damping, ModalDamping
+from brake_fenicsx.scene.samples_section import split_key
 
 from brake_fenicsx.stability.substructures import Substructure
 from brake_fenicsx.stability.substructures.substructure import ModalRatio

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.friction import slides
-from brake_fenicsx.scene.sections import Motion
+from brake_fenicsx.scene.approaches import slides
+from brake_fenicsx.scene.bodies_section import Motion
 
 from .brake import Brake, scene_motion
 from .contact_doubts import displacement_doubts, resolution_doubts

@@ -17,8 +17,8 @@ from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.build.material_table import layer_materials, scene_materials
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import turning_parts
-from brake_fenicsx.scene.samples import split_key
+from brake_fenicsx.scene.approaches import turning_parts
+from brake_fenicsx.scene.samples_section import split_key
 from brake_fenicsx.build.damping_terms import gyroscopic, mass_share, stiffness_share
 from brake_fenicsx.stability.derivatives import bilinear
 from brake_fenicsx.stability.modes import Complex

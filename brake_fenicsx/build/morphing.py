@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.parts import length_key, morph_of, moved_planes, moved_sideways
-from brake_fenicsx.scene.tables import key_parts
+from brake_fenicsx.scene.parts_section import length_key, morph_of, moved_planes, moved_sideways
+from brake_fenicsx.scene.keys import key_parts
 
 from brake_fenicsx.extras.decks.matrix_series import DEGREES, matrix_series, products
 from brake_fenicsx.meshing.brake_mesh import Mesh, check_cells

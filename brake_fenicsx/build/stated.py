@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.friction import slides
+from brake_fenicsx.scene.approaches import slides
 
 from brake_fenicsx.meshing.rawmesh import Stated, Unread
 

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.contact import Zone
+from brake_fenicsx.scene.contact_section import Zone
 from brake_fenicsx.scene.units import quantity_text
 
 from .elasticity import FreeDofs

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.geometry.part import PartEntities
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 
 from .gmsh_mesh import discrete_model, gmsh_session, mesh_part, swept_part
 from .quality import Quality, orientation, quality, volumes

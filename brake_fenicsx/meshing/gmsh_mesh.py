@@ -12,7 +12,7 @@ from unittest import mock
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 
 from .quality import quality
 from .rawmesh import RawMesh, with_mirror_image, without_unused_nodes

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.draft.beside import beside
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 from brake_fenicsx.scene.units import to_si
 
 from .filemesh import NO_CELLS, FileMesh, completed

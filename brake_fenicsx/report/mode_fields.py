@@ -19,7 +19,7 @@ from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import ModeKey
 from brake_fenicsx.results.tables import Value, read_columns, write_rows
-from brake_fenicsx.scene.friction import slides
+from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.in_effect import in_effect
 
 from .mode_cards import SHAPE_COLUMNS, SHAPES

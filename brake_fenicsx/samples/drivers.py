@@ -20,7 +20,7 @@ from brake_fenicsx.build.layers import Layers
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.macro.equilibrium_change import EquilibriumChange, equilibrium_change
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.friction import slides
+from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.scalars import is_length
 from brake_fenicsx.stability.derivatives import (
     ContactDerivatives,

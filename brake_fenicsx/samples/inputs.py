@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.samples import is_constant, split_key
+from brake_fenicsx.scene.samples_section import is_constant, split_key
 from brake_fenicsx.scene.scalars import is_length, written_value
 
 from .designs import RIGID, correlated, correlation_root, design_points, design_size, quantile

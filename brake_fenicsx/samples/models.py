@@ -34,7 +34,7 @@ from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.equilibrium import Condensed
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.scene import Scene, Stability
-from brake_fenicsx.scene.damping import active_terms, lone_samples, reduced_approaches
+from brake_fenicsx.scene.approaches import active_terms, lone_samples, reduced_approaches
 from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies, si_unit
 from brake_fenicsx.scene.units import quantity_text

@@ -14,12 +14,12 @@ from brake_fenicsx.arguments import of_kind
 from brake_fenicsx.endings import MESH_FILES
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.variants.countermeasure_keys import with_ends
-from brake_fenicsx.scene.contact import with_table
-from brake_fenicsx.scene.damping import check_modal_names
+from brake_fenicsx.scene.contact_section import with_table
+from brake_fenicsx.scene.keys import contradictions, dotted, key_parts, read_table, shown
 from brake_fenicsx.scene.rules import check_consistent
-from brake_fenicsx.scene.samples import complete
-from brake_fenicsx.scene.sections import STAGES, Scene
-from brake_fenicsx.scene.tables import dotted, key_parts, read_table, shown
+from brake_fenicsx.scene.samples_section import complete
+from brake_fenicsx.scene.scene import STAGES, Scene
+from brake_fenicsx.scene.stability_section import check_modal_names
 
 MAPPING = "scene (mapping)"  # in place of the path of a file
 
@@ -116,6 +116,8 @@ def _override(table: dict[str, Any], text: str) -> None:
 def _scene(path: Path, table: dict[str, Any]) -> Scene:
     check_modal_names(table)
     scene: Scene = read_table(Scene, table)
+    for text in contradictions(scene):
+        raise SceneError(text)
     if scene.surface and len(scene.surface.scans) == 1:  # a list of one is that one, in hashes too
         table = {**table, "surface": {**table["surface"], "scan": scene.surface.scans[0]}}
     roughness = any(c.law == "library" or c.gap != "none" for c in scene.contact.values())

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.damping import active_terms, turning_parts, used_materials
-from brake_fenicsx.scene.friction import PERFECT, one_friction, slides
-from brake_fenicsx.scene.parts import (
+from brake_fenicsx.scene.approaches import (
+    PERFECT,
+    active_terms,
+    one_friction,
+    slides,
+    turning_parts,
+    used_materials,
+)
+from brake_fenicsx.scene.parts_section import (
     MORPH,
+    MaterialTable,
     layers_of_thickness,
     length_in_scene,
     length_key,
@@ -18,11 +25,9 @@ from brake_fenicsx.scene.parts import (
     moved_planes,
     moved_sideways,
 )
-from brake_fenicsx.scene.samples import ENGINEERING, is_constant, split_key, unit_of
+from brake_fenicsx.scene.samples_section import ENGINEERING, is_constant, split_key, unit_of
+from brake_fenicsx.scene.scene import Scene
 from brake_fenicsx.scene.units import to_si
-
-if TYPE_CHECKING:
-    from brake_fenicsx.scene.sections import MaterialTable, Scene
 
 # Keys of a random or swept scalar that hold quantities of its unit.
 QUANTITIES = ("mean", "sd", "min", "max", "start", "stop", "values")
@@ -110,7 +115,7 @@ def _no_constant(material: MaterialTable, constant: str) -> Iterator[str]:
     """Why a constant is none of the material."""
     by_stiffness = material.E is None
     if constant[0] == "C":
-        if not by_stiffness or getattr(material, constant) is None:
+        if not by_stiffness or getattr(material, constant, None) is None:
             yield f"the material is not written by {constant}; name an engineering constant"
     elif material.model == "isotropic":
         if constant not in ("E", "nu") or by_stiffness:

@@ -29,13 +29,13 @@ from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import (
-    Damping,
+from brake_fenicsx.scene.approaches import (
     active_terms,
     damped_bodies,
     damped_springs,
     turning_parts,
 )
+from brake_fenicsx.scene.stability_section import Damping
 
 Array = NDArray[np.float64]
 

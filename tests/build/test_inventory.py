@@ -20,7 +20,7 @@ from brake_fenicsx.meshing.brake_mesh import tagged_mesh
 from brake_fenicsx.meshing.quality import volumes
 from brake_fenicsx.meshing.rawmesh import RawMesh, exterior_facets, joined
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = ["stages=['equilibrium']", "parts.block.size='14 mm'", "parts.plate.size='20 mm'"]

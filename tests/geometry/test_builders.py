@@ -17,7 +17,7 @@ from brake_fenicsx.meshing.brake_mesh import check_cells, raw_mesh
 from brake_fenicsx.meshing.gmsh_mesh import gmsh_session
 from brake_fenicsx.meshing.quality import jacobians, quality
 from brake_fenicsx.meshing.rawmesh import exterior_facets, facet_keys, facet_nodes
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 
 MODULES = {
     "disc": (disc, disc.Disc), "pad": (pad, pad.Pad), "block": (block, block.Block),

@@ -10,7 +10,7 @@ from brake_fenicsx.meshing.filemesh import FileMesh, completed, gmsh_order
 from brake_fenicsx.meshing.gmsh_mesh import gathered, gmsh_session
 from brake_fenicsx.meshing.quality import orientation, quality
 from brake_fenicsx.meshing.rawmesh import exterior_facets, facet_keys, facet_nodes
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 
 pytestmark = pytest.mark.hard
 

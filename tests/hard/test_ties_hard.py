@@ -13,7 +13,7 @@ from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.macro.tie import tied_faces
 from brake_fenicsx.meshing.brake_mesh import raw_mesh, tagged_mesh
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 
 pytestmark = pytest.mark.hard
 

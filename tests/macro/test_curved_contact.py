@@ -12,7 +12,7 @@ from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.friction import Translation
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.meshing.brake_mesh import build_mesh
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 
 R = 50e-3
 SLIDING = Translation((0.2, 1.0, 0.0), 1.0)

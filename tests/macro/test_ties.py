@@ -25,7 +25,7 @@ from brake_fenicsx.macro.tie import tied_faces
 from brake_fenicsx.meshing.brake_mesh import raw_mesh, tagged_mesh
 from brake_fenicsx.meshing.rawmesh import joined
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 from brake_fenicsx.stability.substructures.component import originals_and_images
 from brake_fenicsx.stability.substructures.substructure import split_substructures
 

@@ -24,7 +24,7 @@ from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import read_columns
 from brake_fenicsx.samples.solve import full_modes
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.stability.terms import damping_terms
 

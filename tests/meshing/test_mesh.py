@@ -12,7 +12,7 @@ from brake_fenicsx.geometry import block, disc, hertz_base, hertz_sphere, pad
 from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.meshing.brake_mesh import build_mesh, raw_mesh
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 
 STEEL = Material(isotropic(2e11, 0.3), 7800.0)
 

@@ -15,7 +15,7 @@ from numpy.polynomial import legendre
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
 from brake_fenicsx.meshing.brake_mesh import build_mesh
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 from brake_fenicsx.stability import complex_modes
 
 IRON = Material(isotropic(125e9, 0.24), 7200.0)

@@ -22,7 +22,7 @@ from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.micro import OneLaw, linear_law
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 
 E, NU, R, A = 210e9, 0.3, 50e-3, 1.5e-3
 E_STAR = E / (2 * (1 - NU**2))

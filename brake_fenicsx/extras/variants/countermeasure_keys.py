@@ -11,16 +11,12 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.samples import NO_ROUGH_SAMPLES, is_constant, split_key
-from brake_fenicsx.scene.scalars import check_scalar, si_unit, written_value
-from brake_fenicsx.scene.tables import KeyMistake, dotted, key_parts
-from brake_fenicsx.scene.tables import key as scene_key
-
-if TYPE_CHECKING:
-    from brake_fenicsx.scene.sections import Scene
+from brake_fenicsx.scene.keys import KeyMistake, dotted, key_parts
+from brake_fenicsx.scene.keys import key as scene_key
+from brake_fenicsx.scene.samples_section import NO_ROUGH_SAMPLES, is_constant, split_key
 
 RAYLEIGH = ["stability", "damping", "rayleigh"]
 
@@ -44,7 +40,7 @@ class Countermeasure:
     stop: float = scene_key(default=0.0, internal=True)
     unit: str = scene_key(default="", internal=True)
 
-    def override(self, scene: Scene, value: float | str) -> str:
+    def override(self, scene: Any, value: float | str) -> str:
         """The replacement "key=value" that gives the scene another value.
 
         Args:
@@ -62,7 +58,7 @@ class Countermeasure:
         return f"{dotted(*parts)}={json.dumps(written)}"
 
 
-def with_ends(scene: Scene, read: Callable[[str], Scene]) -> Scene:
+def with_ends(scene: Any, read: Callable[[str], Any]) -> Any:
     """A scene whose countermeasures are checked and know both ends in SI units.
 
     Args:
@@ -90,7 +86,9 @@ def with_ends(scene: Scene, read: Callable[[str], Scene]) -> Scene:
     return replace(scene, countermeasures=tuple(changes.values()))
 
 
-def _with_ends(scene: Scene, c: Countermeasure, read: Callable[[str], Scene]) -> Countermeasure:
+def _with_ends(scene: Any, c: Countermeasure, read: Callable[[str], Any]) -> Countermeasure:
+    from brake_fenicsx.scene.scalars import check_scalar, si_unit, written_value
+
     where = f"countermeasures.key = {c.key!r}"
     try:
         unit = si_unit(scene, c.key)
@@ -111,7 +109,7 @@ def _with_ends(scene: Scene, c: Countermeasure, read: Callable[[str], Scene]) ->
     return replace(c, start=start, stop=stop, unit=unit)
 
 
-def _check_written(scene: Scene, name: str, where: str) -> None:
+def _check_written(scene: Any, name: str, where: str) -> None:
     """Only what the scene writes can be replaced in it."""
     table: Any = scene.table
     parts = key_parts(name)
@@ -121,7 +119,7 @@ def _check_written(scene: Scene, name: str, where: str) -> None:
         raise SceneError(f"{where}: the scene does not write it; write it with its present value")
 
 
-def _check_not_random(scene: Scene, name: str, where: str) -> None:
+def _check_not_random(scene: Any, name: str, where: str) -> None:
     """What is random has no single value to start from."""
     table = split_key(name)[1]
     for other in scene.samples.random:

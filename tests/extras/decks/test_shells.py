@@ -18,7 +18,7 @@ from brake_fenicsx.meshing.brake_mesh import raw_mesh
 from brake_fenicsx.meshing.groups import mesh_of_file
 from brake_fenicsx.meshing.rawmesh import cell_facets, facet_keys, facet_nodes
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.mesh_section import MeshTable
 
 E, NU, RHO = 207e9, 0.3, 7820.0
 STEEL = "*MATERIAL, NAME=STEEL\n*ELASTIC\n207000., 0.3\n*DENSITY\n7.82e-9\n"

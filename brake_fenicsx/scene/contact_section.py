@@ -6,20 +6,16 @@ import csv
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
-from brake_fenicsx.scene.tables import key, shown
+from brake_fenicsx.scene.keys import key
 from brake_fenicsx.scene.units import factor_to_si, usual_unit, with_unit
-
-if TYPE_CHECKING:
-    from brake_fenicsx.scene.sections import Scene
 
 Array = NDArray[np.float64]
 
@@ -163,29 +159,6 @@ class ContactTable:
                 f".tangential_stiffness = {k_t:g} Pa/m: acts where faces stick; write"
                 ' slip = "stuck" as well, or leave it out'
             )
-
-
-def contact_mistakes(s: Scene) -> Iterator[str]:
-    """Laws and gaps that no stage provides; interfaces that divide the same faces differently."""
-    for name, contact in s.contact.items():
-        where = f"contact.{name}"
-        if contact.law == "library" and "micro" not in s.stages and s.samples.rough:
-            yield f'{where}.law = "library": needs the stages surface and micro'
-        if contact.gap != "none" and "surface" not in s.stages:
-            yield f'{where}.gap = "{contact.gap}": needs the stage surface'
-        if contact.gap == "waviness" and s.micro is None:
-            yield (
-                f'{where}.gap = "waviness": needs micro.patch, the length from which waves are'
-                " longer"
-            )
-    for (one, first), (two, second) in combinations(s.contact.items(), 2):
-        for name in ("faces", "discretisation") if {*first.faces} == {*second.faces} else ():
-            values = getattr(first, name), getattr(second, name)
-            if values[0] != values[1]:
-                yield (
-                    f"contact.{two}.{name} = {shown(values[1])}: contact.{one} is on the same faces"
-                    f" with {shown(values[0])}; write the same, for the two divide its elements"
-                )
 
 
 def with_table(contact: ContactTable, name: str, folder: Path) -> ContactTable:

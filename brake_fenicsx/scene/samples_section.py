@@ -39,7 +39,7 @@ from pydantic import BeforeValidator
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import npz_names, read_npz, reading
-from brake_fenicsx.scene.tables import KeyMistake, below, key, value_type
+from brake_fenicsx.scene.keys import KeyMistake, below, key, value_type
 from brake_fenicsx.scene.units import factor_to_si, to_si
 
 APPROACHES = ("multi-scale", "classical", "parametric", "joint")

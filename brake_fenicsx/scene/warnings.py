@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from statistics import NormalDist
 from typing import Any
 
-from brake_fenicsx.scene.contact import ContactTable
-from brake_fenicsx.scene.faces import Load
-from brake_fenicsx.scene.parts import part_lengths
-from brake_fenicsx.scene.samples import Classical, Distribution, split_key
-from brake_fenicsx.scene.sections import MaterialTable, Scene
-from brake_fenicsx.scene.tables import dotted
+from brake_fenicsx.scene.bodies_section import Load
+from brake_fenicsx.scene.contact_section import ContactTable
+from brake_fenicsx.scene.keys import dotted, walk
+from brake_fenicsx.scene.parts_section import MaterialTable, part_lengths
+from brake_fenicsx.scene.samples_section import Classical, Distribution, split_key
+from brake_fenicsx.scene.scene import Scene
 from brake_fenicsx.scene.units import MODULI, quantity_text, with_unit
 
 METAL_DENSITY, METAL_MODULUS = 4000.0, 5e9  # kg/m^3, Pa: above the one, below the other is no metal
@@ -23,7 +23,7 @@ LENGTHS = (10e-3, 1.0)  # m: longest length of a part
 def unusual(scene: Scene) -> list[str]:
     """Numbers of a scene outside the band of usual ones: key, value, band."""
     band: Mapping[str, Any]
-    lines = [line for keys, about, v in _numbers(scene) for line in _outside(keys, about, v)]
+    lines = [line for keys, about, v in walk(scene) for line in _outside(keys, about, v)]
     for name, law in scene.samples.random.items():
         _, _, last = split_key(name)
         kinds = (ContactTable, Load, MaterialTable, Classical)
@@ -99,17 +99,3 @@ def _flat(value: Any) -> Iterator[float]:
     for v in value if isinstance(value, tuple) else (value,):
         if isinstance(v, float | int) and not isinstance(v, bool):
             yield v
-
-
-def _numbers(value: Any, keys: tuple[str, ...] = ()) -> Iterator[tuple[Any, Any, Any]]:
-    """Keys, metadata and value of all numbers that have a band."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            yield from _numbers(inner, (*keys, str(name)))
-    elif is_dataclass(value):
-        for f in fields(value):
-            inner = getattr(value, f.name)
-            if "band" in f.metadata:
-                yield (*keys, f.name), f.metadata, inner
-            if not f.metadata.get("internal"):
-                yield from _numbers(inner, (*keys, f.name))

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, StrictStr, WithJsonSchema
 
-from brake_fenicsx.scene.tables import key, rising_pair
+from brake_fenicsx.scene.keys import key, rising_pair
 
 
 def _dotted(name: str) -> str:

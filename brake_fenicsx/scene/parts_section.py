@@ -1,4 +1,4 @@
-"""[parts] of a scene: a builder with its parameters, or cells of the mesh file."""
+"""[parts] and [materials] of a scene: a builder with its parameters, or cells of a mesh file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from typing import Annotated, Any, Literal, Union
 
 from pydantic import BeforeValidator, Discriminator, Tag
 
-from brake_fenicsx.scene.tables import KeyMistake, key, table_type, two_names
+from brake_fenicsx.scene.keys import KeyMistake, key, table_type, two_names
+from brake_fenicsx.scene.units import MODULI
 
 # What a thickness and a displaced mesh of a part of the mesh file are called in it.
 FILE_LAYER, MORPH = "layers.", "morph."
@@ -141,6 +142,47 @@ class FileKeys:
 
     layers: dict[str, float] = field(default_factory=dict, metadata={"unit": "m"})
     morph: dict[str, Morph] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialTable:
+    """[materials.NAME]: engineering constants or stiffnesses of the chosen model.
+
+    Attributes:
+        model: symmetry; which constants it takes: [meshes.md](meshes.md).
+        rho: density.
+        E: Young's modulus, or one for each axis.
+        nu: Poisson's ratio, or one for each pair of axes.
+        G: shear modulus, or one for each pair of axes.
+        C11: stiffness, in place of engineering constants.
+        C22: likewise.
+        C33: likewise.
+        C12: likewise.
+        C13: likewise.
+        C23: likewise.
+        C44: likewise, shear 23.
+        C55: likewise, shear 13.
+        C66: likewise, shear 12.
+        axis: additional rotation of axis 1, relative to axis 1 of the part.
+        loss: loss factor.
+    """
+
+    model: str = key(choices=("isotropic", "transversely-isotropic", "orthotropic", "cubic"))
+    rho: float = key("kg/m^3", band=(100.0, 25e3))
+    E: float | tuple[float, ...] | None = key("Pa", default=None, band=MODULI)
+    nu: float | tuple[float, ...] | None = key(default=None, sign="any")
+    G: float | tuple[float, ...] | None = key("Pa", default=None, band=MODULI)
+    C11: float | None = key("Pa", default=None, band=MODULI)
+    C22: float | None = key("Pa", default=None, band=MODULI)
+    C33: float | None = key("Pa", default=None, band=MODULI)
+    C12: float | None = key("Pa", default=None, sign="any")
+    C13: float | None = key("Pa", default=None, sign="any")
+    C23: float | None = key("Pa", default=None, sign="any")
+    C44: float | None = key("Pa", default=None, band=MODULI)
+    C55: float | None = key("Pa", default=None, band=MODULI)
+    C66: float | None = key("Pa", default=None, band=MODULI)
+    axis: float = key("rad", default=0.0, sign="any")
+    loss: float = key(default=0.0, sign="zero", band=(0.0, 1.0))
 
 
 def builder_class(name: str) -> Any:
