@@ -37,8 +37,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from brake_fenicsx.folder.files import arrays_of_bytes, bytes_of_arrays
-from brake_fenicsx.folder.sample_files import BLOCK, COLUMNS
+from brake_fenicsx.folder.sample_files import BLOCK, COLUMNS, arrays_of_bytes, bytes_of_arrays
 
 HERE = Path(__file__).parent
 SCENE = HERE / "scenes" / "disc_brake_demo.toml"

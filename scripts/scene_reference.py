@@ -9,10 +9,10 @@ from __future__ import annotations
 import argparse
 import inspect
 import re
-import sys
 import typing
 from collections.abc import Iterator
 from dataclasses import MISSING, Field, dataclass, is_dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -131,7 +131,9 @@ def _parts() -> Iterator[str]:
     yield f"### without a builder\n\nA part from the mesh file.\n\n{table(FileKeys)}"
     for name in BUILDERS:
         cls = builder_class(name)
-        note = _plain((sys.modules[cls.__module__].__doc__ or "").strip().splitlines()[0])
+        note = _plain(
+            (import_module(f"brake_fenicsx.geometry.{name}").__doc__ or "").strip().splitlines()[0]
+        )
         yield f'### builder = "{name}"\n\n{note}\n\n{table(cls)}'
 
 

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.folder import sample_files
+from brake_fenicsx.folder.arrays import Arrays
 from brake_fenicsx.folder.processes import on_first
-from brake_fenicsx.folder.sample_files import FOLDER, Arrays, Task
+from brake_fenicsx.folder.sample_files import FOLDER, Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.samples.forces import forces_of_sample
 from brake_fenicsx.samples.study import Study
