@@ -20,13 +20,13 @@ from brake_fenicsx.branches import Branches
 from brake_fenicsx.checks import check
 from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.executor import Source, samples_elsewhere, samples_here
 from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.entry import check_folder
 from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import before_samples, make_study
-from brake_fenicsx.samples.executor import Source, samples_elsewhere, samples_here
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.keys import KeyMistake

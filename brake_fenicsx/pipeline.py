@@ -331,6 +331,9 @@ def mechanics(
             from brake_fenicsx.samples.forces import stuck_warnings
 
             note_warnings(this, stuck_warnings(this.scene, this.facts["stuck_contact"]))
+        from brake_fenicsx.samples.forces import law_warnings
+
+        note_warnings(this, law_warnings(this.scene, this.facts["samples"]))
         note_open_points(this)
         note_warnings(this, this.facts.pop("lost_extras", []))
         if "report" in this.scene.stages:

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from brake_fenicsx.scene.tables import json_schema
+from brake_fenicsx.scene.keys import json_schema
 from sphinx.application import Sphinx
 
 import brake_fenicsx

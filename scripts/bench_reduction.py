@@ -31,7 +31,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.build.brake import Brake, assemble_brake
 from brake_fenicsx.build.changes import assemble_changes
-from brake_fenicsx.build.damping_terms import sliding_damping, velocity_slope
+from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.stability import (
@@ -42,10 +42,10 @@ from brake_fenicsx.stability import (
     contact_interface,
     split_substructures,
 )
+from brake_fenicsx.stability.damping_matrices import sliding_damping, velocity_slope
 from brake_fenicsx.stability.modes import THRESHOLD
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.substructures import CONSTANT
-from brake_fenicsx.stability.terms import damping_terms
 
 SCENES = Path(__file__).parent / "scenes"
 BULK = {

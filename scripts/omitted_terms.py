@@ -25,7 +25,8 @@ from bench_ensemble import SCENE, study
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
-from brake_fenicsx.build.brake import Brake, assemble_brake, scene_motion
+from brake_fenicsx.build.brake import Brake, assemble_brake
+from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.build.material_table import layer_materials, scene_materials
 from brake_fenicsx.macro.elasticity import on_free_dofs, sigma
 from brake_fenicsx.macro.faces import Face, gather_face

@@ -5,7 +5,6 @@ from functools import cache
 import numpy as np
 import scipy.sparse as sp
 
-from brake_fenicsx.build.damping_terms import gyroscopic, sliding_damping, velocity_slope
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.stability import (
@@ -14,6 +13,7 @@ from brake_fenicsx.stability import (
     ReducedModel,
     split_substructures,
 )
+from brake_fenicsx.stability.damping_matrices import gyroscopic, sliding_damping, velocity_slope
 from brake_fenicsx.stability.substructures import CONSTANT
 from dense_reference import Dense, agrees, all_lambda
 

@@ -6,9 +6,8 @@ import numpy as np
 
 from brake_fenicsx.geometry import block
 from brake_fenicsx.meshing.brake_mesh import raw_mesh
-from brake_fenicsx.meshing.gmsh_mesh import discrete_model, gmsh_session
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings, discrete_model, gmsh_session
 from brake_fenicsx.meshing.rawmesh import facet_nodes, joined, turned
-from brake_fenicsx.scene.mesh_section import MeshTable
 
 LOW = block.Block(length=40e-3, width=20e-3, height=10e-3, z=-10e-3, size=8e-3)
 HIGH = block.Block(length=40e-3, width=20e-3, height=12e-3, z=0.0, size=8e-3)
@@ -37,7 +36,9 @@ def boxes(cells="tetrahedra", order=1, size=HIGH.size):
     The plate is the pad's mirror image, flattened: meshed apart, two faces of one shape have the
     same mesh with some versions of gmsh only.
     """
-    pad = raw_mesh({"pad": (block, replace(HIGH, size=size))}, MeshTable(cells=cells, order=order))
+    pad = raw_mesh(
+        {"pad": (block, replace(HIGH, size=size))}, MeshSettings(cells=cells, order=order)
+    )
     image = turned(pad, np.ones(len(pad.cells), dtype=bool))
     names = ({MIRRORED[n]: tag for n, tag in own.items()} for own in (pad.layers, pad.faces))
     layers, faces = names

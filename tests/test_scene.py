@@ -283,7 +283,7 @@ SPEEDS = [("direction=[0, 2, 0]", 1.0), ("axis='z'", 1.0), ("axis='z', speed='60
 @pytest.mark.parametrize(("motion", "speed"), SPEEDS)
 def test_speed_that_is_not_given(motion, speed):
     """One metre a second along a direction, one radian a second about the axis."""
-    from brake_fenicsx.build.brake import scene_motion
+    from brake_fenicsx.build.interfaces import scene_motion
     from brake_fenicsx.scene.scalars import si_unit
 
     scene = read_scene(BLOCK, [f"motion={{ {motion} }}"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mpi4py import MPI
 
@@ -13,21 +13,18 @@ from numpy.typing import NDArray
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.approaches import slides
-
 from brake_fenicsx.macro.condensation import Compliance
-from brake_fenicsx.macro.contact import Contact, contact_elements, join
-from brake_fenicsx.macro.elasticity import Elastic, FreeDofs, assemble_elastic
-from brake_fenicsx.macro.friction import Motion, Rotation, Translation
-from brake_fenicsx.macro.joints import added_to_face
-from brake_fenicsx.macro.loads import lift, load_vectors, pressing
-from .material_table import layer_materials, scene_materials
+from brake_fenicsx.macro.contact import Contact, join
+from brake_fenicsx.macro.elasticity import Elastic
+from brake_fenicsx.macro.stuck import Stuck, stick
 from brake_fenicsx.meshing.brake_mesh import Mesh
-from .part_builders import check_mesh, scene_mesh
+from brake_fenicsx.scene import Scene
 
-if TYPE_CHECKING:
-    from brake_fenicsx.macro.stuck import Stuck
+from .bodies import assemble_bodies, on_matrices
+from .interfaces import check_apart, interface_elements, scene_motion, uncovered, zone_of
+from .loads import lift, load_vectors, pressing
+from .material_table import layer_materials, scene_materials
+from .part_builders import check_mesh, scene_mesh
 
 Array = NDArray[np.float64]
 
@@ -140,19 +137,13 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
         opposite = float(one.w.sum())
         faced[name] = opposite, opposite + one.uncovered
         if table.zone is not None:
-            from brake_fenicsx.macro.contact import zone_of
-
             one = zone_of(one, table.zone, f"{scene.file}: contact.{name}")
         if table.tangential_stiffness is not None:
-            from brake_fenicsx.macro.stuck import stick
-
             one, stuck[name] = stick(one, table.tangential_stiffness)
             elastic = replace(elastic, K=elastic.K + stuck[name].matrix())
         found[name] = one
     contact = join([*found.values()])
     if len(found) > 1:
-        from brake_fenicsx.macro.contact import check_apart, uncovered
-
         check_apart(scene, found)
         contact = replace(contact, uncovered=uncovered(scene, found))
     vectors, sizes = load_vectors(scene, mesh, elastic)
@@ -162,68 +153,6 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
         mesh, elastic, contact, vectors @ sizes, pressed, vectors, moved, stuck=stuck,
         faced=faced,
     )  # fmt: skip
-
-
-def interface_elements(
-    scene: Scene, name: str, mesh: Mesh, free: FreeDofs, comm: MPI.Comm
-) -> Contact:
-    """Contact elements of an interface, regardless of its zone.
-
-    Args:
-        scene: the scene.
-        name: of the interface.
-        mesh: the mesh.
-        free: numbering of the free dofs.
-        comm: processes that share the integrals.
-
-    Raises:
-        SceneError: the faces do not lie opposite to each other.
-    """
-    table = scene.contact[name]
-    try:
-        return contact_elements(
-            mesh, free, (table.faces[0], table.faces[1]),
-            scene_motion(scene) if slides(scene, name) else None,
-            table.discretisation, table.search, comm,
-        )  # fmt: skip
-    except SceneError as error:
-        raise SceneError(f"{scene.file}: {error}") from None
-
-
-def assemble_bodies(scene: Scene, mesh: Mesh) -> Elastic:
-    """Assemble the bodies of a scene: supports, springs, masses, ties; no contact, no loads.
-
-    Args:
-        scene: the scene.
-        mesh: its mesh.
-
-    Raises:
-        SceneError: a face, layer or material does not fit.
-    """
-    layers = layer_materials(scene, scene_materials(scene), mesh.layers)
-    supports = {f: list(held) for f, held in scene.supports.items() if not _on_matrices(scene, f)}
-    sprung = [name for name, spring in scene.springs.items() if spring.faces is None]
-    named = [f for f in dict.fromkeys([*sprung, *scene.masses]) if not _on_matrices(scene, f)]
-    added = [added_to_face(scene, face) for face in named]
-    elastic = assemble_elastic(
-        mesh, layers, supports, scene.mesh.degree, added, scene.mesh.mass == "lumped"
-    )
-    if any(part.matrices for part in scene.parts.values()):
-        from brake_fenicsx.extras.decks.external_bodies import with_superelements
-
-        elastic = with_superelements(scene, mesh, elastic)
-    inert = any(added.inertia for added in scene.masses.values())
-    if scene.ties or inert or any(spring.faces for spring in scene.springs.values()):
-        from brake_fenicsx.macro.joints import joined_bodies
-
-        elastic = joined_bodies(scene, mesh, elastic, layers)
-    return elastic
-
-
-def _on_matrices(scene: Scene, face: str) -> bool:
-    """Whether a face is a set of nodes of a body given by matrices."""
-    part = scene.parts.get(face.partition(".")[0])
-    return part is not None and part.matrices is not None
 
 
 def check_brake(scene: Scene, comm: MPI.Comm) -> None:
@@ -248,19 +177,9 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
         spread = where.startswith(("contact.", "limit_cycle.")) or (
             load is not None and load.pressure is not None
         )
-        if spread and _on_matrices(scene, face):
+        if spread and on_matrices(scene, face):
             raise SceneError(
                 f"{scene.file}: {where} = {face!r}: a set of nodes has no area; name a face of a"
                 " part with a mesh, to which the set is tied"
             )
     layer_materials(scene, materials, check_mesh(scene, faces, comm))
-
-
-def scene_motion(scene: Scene) -> Motion:
-    """How the disc moves; a scene without motion has no friction, any direction serves then."""
-    motion = scene.motion
-    if motion is None:
-        return Rotation(1.0)
-    if motion.direction is not None:
-        return Translation(motion.direction, motion.rate)
-    return Rotation(motion.rate, motion.turns_about, motion.point or (0.0, 0.0, 0.0))

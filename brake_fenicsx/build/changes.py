@@ -20,31 +20,36 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx.build.brake import Brake
+from brake_fenicsx.build.distributions import quantile
+from brake_fenicsx.build.interfaces import scene_motion
+from brake_fenicsx.build.material_table import (
+    STIFFNESSES,
+    by_material,
+    constants,
+    layer_materials,
+    material_of,
+    nominal_value,
+    scene_materials,
+    stiffness,
+    varied_stiffness,
+)
 from brake_fenicsx.errors import InaccurateResult, SceneError
-from brake_fenicsx.build.brake import Brake, scene_motion
 from brake_fenicsx.macro.elasticity import affine_parts, face_mass
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material import rotate_about_z
-from brake_fenicsx.build.material_table import (
-    STIFFNESSES, constants, layer_material, layer_materials, scene_materials, stiffness, varied_stiffness,
-)
+from brake_fenicsx.macro.matrix_series import Power
+from brake_fenicsx.macro.stretching import Assembly
 from brake_fenicsx.meshing.brake_mesh import Mesh
-from brake_fenicsx.build.morphing import Move, Moving, deformed_layers, movement, moving, plain
-from brake_fenicsx.build.part_builders import file_parts
-from brake_fenicsx.meshing.stretching import Assembly, Power, Stretch, check_layer
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import turning_parts
-from brake_fenicsx.scene.body_rules import faces_by_area
-from brake_fenicsx.scene.parts_section import FILE_LAYER, layers_of_thickness, length_key
 from brake_fenicsx.scene.samples_section import is_constant, split_key, unit_of
-from brake_fenicsx.scene.scalars import changes_bodies, is_inertia, is_length
+from brake_fenicsx.scene.scalars import SPEED, changes_bodies, is_inertia, is_length
 from brake_fenicsx.scene.sweep_section import Range
 
-from brake_fenicsx.samples.designs import quantile
-from brake_fenicsx.samples.inputs import by_material, nominal_value
+from .lengths import Shapes, lengths_in, shapes_of
 from .moving_contact import MovingContact
-from brake_fenicsx.samples.sampling import SPEED
 
 if TYPE_CHECKING:
     from brake_fenicsx.stability.substructures import Parameters
@@ -56,8 +61,6 @@ VOIGT = {name: (int(name[1]) - 1, int(name[2]) - 1) for name in STIFFNESSES["ort
 
 TURNING = "turning"
 
-Shape = Stretch | Moving
-Shapes = dict[tuple[str, ...], Shape]
 Split = Callable[[Mesh, Assembly], dict[Power, sp.csr_matrix]]
 
 # Probability of a constant beyond either end of the box, and how far from its centre, in half
@@ -376,50 +379,6 @@ class ChangingBodies:
         return sum((c * part for c, part in zip(coefficients, parts, strict=True) if c), none)
 
 
-def lengths_in(names: tuple[str, ...], shape: Shape, values: Mapping[str, float]) -> Array:
-    """Lengths of a shape by the scalars that differ from the scene [m], shape (lengths,)."""
-    return np.array([values.get(n, own) for n, own in zip(names, shape.usual, strict=True)])
-
-
-def shapes_of(scene: Scene, mesh: Mesh, box: Box) -> Shapes:
-    """What the lengths that vary do to the layers of their parts.
-
-    Raises:
-        SceneError: a layer cannot be stretched by itself, or is folded; or a face in use changes.
-    """
-    files, moves = file_parts(scene), dict[str, Array | None]()
-    groups: list[tuple[set[str], list[str]]] = []
-    for name in filter(is_length, box.names):
-        part, key = length_key(name)
-        v = moves[name] = movement(scene, plain(mesh), files, name)
-        layers = {f"{part}.{layer}" for layer in layers_of_thickness(scene.parts[part], key)}
-        if v is not None and not layers:
-            layers = {*deformed_layers(mesh, v)}
-        shared = [group for group in groups if group[0] & layers]
-        groups = [group for group in groups if group not in shared]
-        names = [other for group in shared for other in group[1]]
-        groups.append((layers.union(*(group[0] for group in shared)), [*names, name]))
-    found: Shapes = {}
-    for layers, names in groups:
-        part, key = length_key(names[0])
-        faces, usual = faces_by_area(scene, part), [nominal_value(scene, name) for name in names]
-        if len(names) == 1 and layers_of_thickness(scene.parts[part], key):
-            for layer in layers:
-                check_layer(mesh, layer, usual[0] if FILE_LAYER in names[0] else None, faces)
-            found[names[0],] = Stretch(tuple(layers), np.array(usual))
-            continue
-        every = []
-        for name, length in zip(names, usual, strict=True):
-            if (v := moves[name]) is None:
-                raise SceneError(
-                    f"{', '.join(names)}: move the same layers, which {name} can only alone: leave"
-                    " one as it is, or write the two as lengths of displaced meshes or of a builder"
-                )
-            every.append(Move(name, length, box.span(name), v))
-        found[tuple(names)] = moving(scene, mesh, every, faces)
-    return found
-
-
 def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
     """Assemble what the random and swept scalars of a scene change in its bodies.
 
@@ -432,7 +391,7 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
     """
     mesh, free = brake.mesh, brake.elastic.free
     varied, box = by_material(dict.fromkeys(scene.varied)), Box(scene)
-    shapes = shapes_of(scene, mesh, box)
+    shapes = shapes_of(scene, mesh, {n: box.span(n) for n in filter(is_length, box.names)})
     shaped = {layer: names for names, shape in shapes.items() for layer in shape.layers}
     densities = {split_key(n)[1] for n in box.names if split_key(n)[2] == "rho"}
     found: dict[Term, sp.csr_matrix] = {}
@@ -471,7 +430,7 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
         follow(term._replace(constant="rho"), inertia, weigh, {n: m.rho for n, m in own.items()})
         turning = {n: m.rho for n, m in own.items() if n.partition(".")[0] in turns}
         if turning and isinstance(motion, Rotation):
-            from brake_fenicsx.build.damping_terms import gyroscopic
+            from brake_fenicsx.stability.damping_matrices import gyroscopic
 
             turn = partial(gyroscopic, mesh, free, rotation=motion)
             follow(term._replace(constant=TURNING), inertia, turn, turning)
@@ -504,12 +463,6 @@ def _share_patterns(matrices: list[sp.csr_matrix]) -> None:
                 break
         else:
             patterns.append(A)
-
-
-def material_of(scene: Scene, layer: str) -> str:
-    """Name of the material of a layer, "part.layer"."""
-    part, _, inner = layer.partition(".")
-    return str(layer_material(scene.parts[part].material, inner))
 
 
 def moved_entries(scene: Scene, material: str, names: list[str]) -> list[str]:

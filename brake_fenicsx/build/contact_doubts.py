@@ -8,13 +8,13 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
+from brake_fenicsx.macro.material import Material, engineering_constants
+from brake_fenicsx.meshing.brake_mesh import Mesh, extent
+from brake_fenicsx.meshing.rawmesh import EDGES, RawMesh
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.units import quantity_text
 
-from brake_fenicsx.macro.material import Material, engineering_constants
 from .material_table import layer_materials, scene_materials
-from brake_fenicsx.meshing.brake_mesh import Mesh, extent
-from brake_fenicsx.meshing.rawmesh import EDGES, RawMesh
 
 # Nodes of a wavelength below which a mesh is too coarse for it.
 NODES = 6.0

@@ -1,33 +1,8 @@
-"""Damping of the linearised problem, term by term; a scene names the ones it wants.
+"""Damping of a scene's brake: what all samples share, and what each adds at its interface.
 
-lambda^2 M + lambda (C + C_s + C_mu + Omega G) + K: material damping C, here as Rayleigh or as loss
-factors of the parts; C_s and C_mu of sliding friction; G of the turning disc.
-
-Friction at a contact element: the disc slides past the pad at a speed V along s. With the slip of
-pad minus disc, T u along s and R u across, the pad moves against the disc with the velocity
-v = (T u' - V) s + R u' r, and the traction on the pad is -mu(|v|) p v / |v|. To first order in u',
-
-    |v| = V - T u',     -v / |v| = s - (R u' / V) r,
-    traction = mu p s - mu'(V) p T u' s - (mu p / V) R u' r.
-
-The first term is the friction of the tangent; the two others, moved to the left-hand side, are
-C_mu = T' W p mu'(V) T and C_s = R' W (mu p / V) R. Their signs: sliding always damps across its
-direction, and friction that falls with speed (mu' < 0) feeds energy in along it.
-
-Gyroscopic term of a disc that turns about an axis, here z, seen in the fixed frame: the pads stand
-still, so the problem is written at fixed places: a particle that passes x moves
-with Omega e_z x x + u' + Omega ((e_z x x) . grad) u. Its acceleration beyond that of the rigid
-rotation is
-
-    u'' + 2 Omega (c . grad) u' + Omega^2 (c . grad)^2 u,     c = e_z x x,
-
-in Cartesian components. The second term is Omega G; those in Omega^2 (and the stiffening by
-centrifugal stress, of the same order) are left out: of order (Omega / omega)^2, 1e-7 at a squeal.
-
-v'Gu = 2 int rho v . (c . grad) u. On a body of revolution c is tangential to the boundary and div c
-vanishes, so that integration by parts makes G skew; the skew half of the form is assembled, which
-is the same there and does without the error of a faceted boundary. A wave cos(m theta + omega t)
-of the disc at rest is dragged along: the pair +-m splits by 2 m Omega.
+Rayleigh, loss factors and the turning disc belong to the bodies and are assembled once. Friction's
+own terms, C_s and C_mu of ``stability.damping_matrices``, take the sample's pressures, friction and
+speeds at equilibrium.
 
 Damping ratios of the parts of a scene: the modes w_j of a substructure without contact, with its
 supports, springs and ties, get
@@ -48,178 +23,193 @@ omega_ref of it, whatever the scalars are then.
 
 from __future__ import annotations
 
-import brake_fenicsx.petsc_started  # noqa: F401
-
-# isort: split
-
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any
-
-from petsc4py import PETSc
 
 import numpy as np
 import scipy.sparse as sp
-import ufl
-from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
 from numpy.typing import NDArray
 
-from brake_fenicsx import compat
-from brake_fenicsx.errors import SceneError
-from brake_fenicsx.build.brake import Brake, scene_motion
-from brake_fenicsx.macro.elasticity import FreeDofs, affine_parts, on_free_dofs
+from brake_fenicsx.macro.contact import Contact
+from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.friction import Rotation
-from brake_fenicsx.build.material_table import layer_material, layer_materials, scene_materials
-from brake_fenicsx.meshing.brake_mesh import Mesh
+from brake_fenicsx.macro.material import Material
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.approaches import turning_parts
-from brake_fenicsx.scene.stability_section import Damping, ModalDamping
+from brake_fenicsx.scene.approaches import (
+    active_terms,
+    damped_bodies,
+    damped_springs,
+    turning_parts,
+)
 from brake_fenicsx.scene.samples_section import split_key
-
+from brake_fenicsx.scene.stability_section import Damping, ModalDamping
+from brake_fenicsx.stability.damping_matrices import (
+    gyroscopic,
+    loss_factor,
+    rayleigh,
+    sliding_damping,
+    velocity_slope,
+)
 from brake_fenicsx.stability.substructures import Substructure
 from brake_fenicsx.stability.substructures.substructure import ModalRatio
+
+from .brake import Brake
+from .interfaces import scene_motion
+from .material_table import layer_materials, material_of, scene_materials
 
 Array = NDArray[np.float64]
 RAYLEIGH = ("stability.damping.rayleigh.alpha", "stability.damping.rayleigh.beta")
 
 
-def rayleigh(M: sp.csr_matrix, K: sp.csr_matrix, alpha: float, beta: float) -> sp.csr_matrix:
-    """C = alpha M + beta K; a mode at omega is damped by 2 zeta = alpha/omega + beta omega.
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """Damping terms of a scene.
+
+    Attributes:
+        bulk: those of the bodies [N s/m], whole on this process; None if there are none.
+        sliding: whether friction turns with the direction of sliding.
+        slope: whether it changes with the speed.
+    """
+
+    bulk: sp.csr_matrix | None
+    sliding: bool
+    slope: bool
+
+
+def damping_terms(scene: Scene, brake: Brake) -> Terms | None:
+    """Assemble the terms of the bodies.
 
     Args:
-        M: mass [kg].
-        K: elastic stiffness [N/m], symmetric, so without friction.
-        alpha: mass factor [1/s], not negative.
-        beta: stiffness factor [s], not negative.
+        scene: the scene.
+        brake: its operators.
 
     Returns:
-        Damping [N s/m], CSR.
-
-    Raises:
-        SceneError: a factor is negative.
+        The terms; None where the scene names none.
     """
-    if alpha < 0 or beta < 0:
-        raise SceneError(f"Rayleigh damping: alpha = {alpha:g}, beta = {beta:g}: none may be < 0")
-    return _combination([(alpha, M), (beta, K)])
+    table = scene.stability.damping if scene.stability else None
+    parts = [] if brake.elastic.C is None else [brake.elastic.C]
+    if table is None:
+        return Terms(parts[0], sliding=False, slope=False) if parts else None
+    return Terms(_sum([*parts, *_terms_of_bodies(scene, brake, table)]), table.sliding, table.slope)
 
 
-def loss_factor(parts: Sequence[tuple[float, sp.csr_matrix]], omega_ref: float) -> sp.csr_matrix:
-    """C = sum eta_j K_j / omega_ref; at omega_ref a part dissipates eta_j of its strain energy.
+def _terms_of_bodies(scene: Scene, brake: Brake, table: Damping) -> Iterator[sp.csr_matrix]:
+    """Damping that a scene names for its bodies, one matrix for each term."""
+    layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
+    if table.rayleigh is not None:
+        yield rayleigh(brake.M, brake.K, *table.rayleigh)
+    if table.loss:
+        yield _hysteretic(brake, layers, table.reference)
+    motion = scene_motion(scene)
+    if table.gyroscopic and isinstance(motion, Rotation):
+        turns = set(turning_parts(scene))
+        density = {n: m.rho for n, m in layers.items() if n.partition(".")[0] in turns}
+        yield gyroscopic(brake.mesh, brake.elastic.free, density, motion)
+    for term in table.own:
+        yield term.matrix(brake)
 
-    The loss factor of a hysteretic part is the same at all frequencies, that of this viscous one
-    grows with frequency: exact at omega_ref alone. Energy a period over 2 pi times the strain
-    energy: omega u'C u / u'K u = eta at omega = omega_ref.
+
+def damping_of_sample(
+    terms: Terms | None,
+    contact: Contact,
+    p: Array,
+    mu: Array,
+    slope: Array,
+    speed: Array,
+    change: sp.csr_matrix | None = None,
+) -> sp.csr_matrix | None:
+    """Damping of one sample at its equilibrium.
 
     Args:
-        parts: loss factor [-] and stiffness [N/m] of each part, on the dofs of all parts.
-        omega_ref: reference frequency [rad/s], positive.
-
-    Returns:
-        Damping [N s/m], CSR.
-
-    Raises:
-        SceneError: no part, a negative loss factor, or a reference frequency that is not positive.
-    """
-    if not parts:
-        raise SceneError("loss factors: no part is named")
-    if not omega_ref > 0:
-        raise SceneError(f"loss factors: reference frequency {omega_ref:g} rad/s must be positive")
-    if min(eta for eta, _ in parts) < 0:
-        raise SceneError("loss factors: none may be negative")
-    return _combination([(eta / omega_ref, K) for eta, K in parts])
-
-
-def sliding_damping(R: sp.spmatrix, w: Array, p: Array, V: Array, mu: float | Array) -> Any:
-    """C_s = R' W (mu p / V) R: friction turns with the direction of sliding.
-
-    Args:
-        R: slip across the sliding direction, shape (elements, dofs).
-        w: areas [m^2], shape (elements,).
+        terms: those of the scene.
+        contact: contact elements, the same for all samples.
         p: pressures at equilibrium [Pa], shape (elements,).
-        V: sliding speeds [m/s], positive where there is friction, shape (elements,).
-        mu: friction coefficient, one or one per element.
+        mu: friction coefficients, shape (elements,).
+        slope: mu'(V) [s/m], shape (elements,).
+        speed: sliding speeds V [m/s], shape (elements,).
+        change: what it adds to the damping of the scene's bodies [N s/m].
 
     Returns:
-        Symmetric, positive semi-definite [N s/m], CSR.
-
-    Raises:
-        SceneError: a sliding speed is not positive: friction without a direction.
+        C [N s/m], whole on this process; None where nothing damps this sample.
     """
-    drag, slides = mu * p, np.asarray(V) > 0
-    if np.any(drag[~slides]):
-        raise SceneError("sliding damping: friction needs a sliding speed V > 0 in its element")
-    rates = np.divide(drag, V, out=np.zeros(drag.shape), where=slides)
-    return (R.T @ sp.diags(w * rates) @ R).tocsr()
+    if terms is None:
+        return None
+    parts = [] if terms.bulk is None else [terms.bulk]
+    if change is not None and change.nnz:
+        parts.append(change)
+    if terms.sliding and np.any(mu * p):
+        parts.append(sliding_damping(contact.R, contact.w, p, speed, mu))
+    if terms.slope and np.any(slope * p):
+        parts.append(velocity_slope(contact.T, contact.w, p, slope))
+    return sum(parts[1:], parts[0]).tocsr() if parts else None
 
 
-def velocity_slope(T: sp.spmatrix, w: Array, p: Array, slope: float | Array) -> Any:
-    """C_mu = T' W p mu'(V) T: friction changes with the speed of sliding.
+def rates_of_sample(
+    terms: Terms, p: Array, mu: Array, slope: Array, speed: Array
+) -> tuple[Array, Array]:
+    """What friction's own terms multiply slip rates by: p mu'(V) along, mu p / V across [Pa s/m].
 
     Args:
-        T: slip along the sliding direction, shape (elements, dofs).
-        w: areas [m^2], shape (elements,).
+        terms: those of the scene; a term it does not name is zero.
         p: pressures at equilibrium [Pa], shape (elements,).
-        slope: mu'(V) [s/m] at the sliding speed of each element, or one for all; negative where
-            friction falls with speed.
-
-    Returns:
-        Symmetric [N s/m], CSR; negative semi-definite where friction falls.
+        mu: friction coefficients, shape (elements,).
+        slope: mu'(V) [s/m], shape (elements,).
+        speed: sliding speeds V [m/s], shape (elements,).
     """
-    return (T.T @ sp.diags(w * p * np.asarray(slope)) @ T).tocsr()
+    along = slope * p if terms.slope else np.zeros_like(p)
+    across = np.zeros_like(p)
+    if terms.sliding:
+        # Faces that stick have neither speed nor friction.
+        np.divide(mu * p, speed, out=across, where=speed > 0)
+    return along, across
 
 
-def _combination(terms: Sequence[tuple[float, sp.csr_matrix]]) -> sp.csr_matrix:
-    """Sum of factor times matrix; the terms are left as they are."""
-    return sum(c * A for c, A in terms).tocsr()
+def record(scene: Scene, contact: Contact) -> dict[str, Any]:
+    """What acts where, with its numbers, for log and summary; empty without damping."""
+    facts: dict[str, Any] = {}
+    if damped := damped_springs(scene):
+        facts["springs"] = {f"{name}_N_s_m": [*values] for name, values in damped.items()}
+    if files := damped_bodies(scene):
+        facts["matrices"] = {**files}
+    table = scene.stability.damping if scene.stability else None
+    if table is None:
+        table = Damping()
+    if table.rayleigh is not None:
+        facts["rayleigh"] = {"alpha_1_s": table.rayleigh[0], "beta_s": table.rayleigh[1]}
+    if table.loss:
+        factors = {name: m.loss for name, m in scene.materials.items() if m.loss}
+        facts["loss"] = {"omega_ref_rad_s": table.reference, "factors": factors}
+    moving = contact.speed[contact.speed > 0]
+    speeds = [float(moving.min()), float(moving.max())] if moving.size else []
+    if table.sliding:
+        facts["sliding"] = {"speeds_m_s": speeds}
+    if table.slope:
+        facts["slope"] = {"speeds_m_s": speeds}
+    if table.gyroscopic:
+        speed = scene.motion.rate if scene.motion else 0.0
+        facts["gyroscopic"] = {"speed_rad_s": speed, "parts": turning_parts(scene)}
+    if table.own:
+        facts["own"] = {"terms": [repr(term) for term in table.own]}
+    if table.modal:
+        facts["modal"] = {name: asdict(given) for name, given in table.modal.items()}
+    for term, numbers in facts.items():
+        approaches = scene.samples.approaches
+        numbers["approaches"] = [a for a in approaches if term in active_terms(scene, a)]
+    return facts
 
 
-def gyroscopic_form(u: Any, v: Any, rho: Any, c: Any, dx: Any) -> Any:
-    """Skew half of 2 int rho v . (c . grad) u.
-
-    Args:
-        u: displacement.
-        v: test function.
-        rho: density [kg/m^3].
-        c: velocity of the rotation over its angular velocity [m].
-        dx: measure of the turning body.
-    """
-    return rho * (ufl.inner(ufl.grad(u) * c, v) - ufl.inner(ufl.grad(v) * c, u)) * dx
+def _hysteretic(brake: Brake, layers: Mapping[str, Material], omega_ref: float) -> sp.csr_matrix:
+    """Loss factors of the layers, one stiffness assembled for each value of them."""
+    values = sorted({m.loss for m in layers.values() if m.loss})
+    groups = [{n: m.C for n, m in layers.items() if m.loss == eta} for eta in values]
+    stiffnesses = affine_parts(brake.mesh, brake.elastic.free, groups)
+    return loss_factor(list(zip(values, stiffnesses, strict=True)), omega_ref)
 
 
-def gyroscopic(
-    mesh: Mesh, free: FreeDofs, density: Mapping[str, float], rotation: Rotation
-) -> sp.csr_matrix:
-    """Omega G on the free dofs, to be added to the damping.
-
-    Args:
-        mesh: the tagged mesh.
-        free: numbering of the free dofs.
-        density: layer name -> density [kg/m^3] of the layers that turn: the disc's and no other.
-        rotation: axis and angular velocity Omega [rad/s], its sign the sense.
-
-    Returns:
-        Omega G [N s/m], skew.
-
-    Raises:
-        SceneError: a layer that is not there, or none at all.
-    """
-    missing = [name for name in density if name not in mesh.layers]
-    if missing or not density:
-        there = ", ".join(sorted(mesh.layers))
-        raise SceneError(f"gyroscopic term: no layer {missing or 'named'}; there are {there}")
-    V = free.V
-    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
-    whole = ufl.Measure("dx", domain=mesh.domain)
-    G = fem_petsc.create_matrix(fem.form(ufl.inner(u, v) * whole))
-    axis, point = (fem.Constant(mesh.domain, a) for a in (rotation.frame[2], rotation.point))
-    c = ufl.cross(axis, ufl.SpatialCoordinate(mesh.domain) - point)
-    for layer, rho in density.items():
-        cells = compat.meshtags(mesh.domain, 3, mesh.cell_tags.find(mesh.layers[layer]), 1)
-        dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells)(1)
-        factor = fem.Constant(mesh.domain, PETSc.ScalarType(rho * rotation.speed))
-        fem_petsc.assemble_matrix(G, fem.form(gyroscopic_form(u, v, factor, c, dx)))
-    return on_free_dofs(G, free)
+def _sum(parts: list[sp.csr_matrix]) -> sp.csr_matrix | None:
+    """Sum of some matrices; None where there are none."""
+    return sum(parts[1:], parts[0]).tocsr() if parts else None
 
 
 def with_modal_damping(
@@ -309,13 +299,7 @@ def _slope(scene: Scene, table: Damping, brake: Brake, name: str) -> sp.csr_matr
         A, factor = gyroscopic(mesh, free, density, replace(motion, speed=1.0)), 1.0
     else:
         _, material, _ = split_key(name)
-        own = {n: m.C for n, m in layers.items() if _material(scene, n) == material}
+        own = {n: m.C for n, m in layers.items() if material_of(scene, n) == material}
         (A,) = affine_parts(mesh, free, [own])
         factor = 1 / table.reference
     return (factor * A).tocsr()
-
-
-def _material(scene: Scene, layer: str) -> str | None:
-    """Name of the material of a layer of the mesh."""
-    part, _, inner = layer.partition(".")
-    return layer_material(scene.parts[part].material, inner)

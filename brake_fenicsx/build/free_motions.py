@@ -29,11 +29,11 @@ from scipy.spatial import cKDTree
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.elasticity import FreeDofs
+from brake_fenicsx.macro.faces import body_of_nodes
 from brake_fenicsx.scene import Scene
 
 from .brake import Brake
-from brake_fenicsx.macro.elasticity import FreeDofs
-from brake_fenicsx.macro.faces import body_of_nodes
 from .part_builders import file_parts
 from .stated import left_out
 

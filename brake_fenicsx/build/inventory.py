@@ -7,15 +7,16 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from brake_fenicsx.macro.faces import Face, gather_face
+from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.bodies_section import Motion
 
-from .brake import Brake, scene_motion
+from .brake import Brake
 from .contact_doubts import displacement_doubts, resolution_doubts
-from brake_fenicsx.macro.faces import Face, gather_face
 from .free_motions import check_free_motions
-from brake_fenicsx.macro.friction import Rotation
+from .interfaces import scene_motion
 from .material_table import layer_materials, scene_materials
 from .stated import left_out
 

@@ -10,22 +10,25 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.build.brake import Brake, scene_motion
+from brake_fenicsx.build.brake import Brake
+from brake_fenicsx.build.damping_terms import mass_share, stiffness_share
+from brake_fenicsx.build.interfaces import scene_motion
+from brake_fenicsx.build.material_table import layer_materials, nominal_value, scene_materials
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material import Material
-from brake_fenicsx.build.material_table import layer_materials, scene_materials
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import turning_parts
 from brake_fenicsx.scene.samples_section import split_key
-from brake_fenicsx.build.damping_terms import gyroscopic, mass_share, stiffness_share
+from brake_fenicsx.scene.scalars import SPEED
+from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.derivatives import bilinear
 from brake_fenicsx.stability.modes import Complex
 
-from .changes import Shapes, changed_materials, lengths_in, material_of
-from brake_fenicsx.samples.inputs import nominal_value
-from brake_fenicsx.samples.sampling import SPEED
+from .changes import changed_materials
+from .lengths import Shapes, lengths_in
+from .material_table import material_of
 
 Array = NDArray[np.float64]
 

@@ -22,19 +22,27 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene import MaterialTable, Scene
-
 from brake_fenicsx.macro.material import (
-    Material, engineering_constants, isotropic, orthotropic, orthotropic_stiffness, rotate_about_z, transversely_isotropic,
+    Material,
+    engineering_constants,
+    isotropic,
+    orthotropic,
+    orthotropic_stiffness,
+    rotate_about_z,
+    transversely_isotropic,
 )
+from brake_fenicsx.scene import MaterialTable, Scene
+from brake_fenicsx.scene.samples_section import is_constant, split_key
+from brake_fenicsx.scene.scalars import written_value
 
 Array = NDArray[np.float64]
+Value = TypeVar("Value")
 DIGITS = "0123456789"
 # Number of values of E, nu and G, 0 for one that is left out.
 ENGINEERING = {
@@ -101,6 +109,12 @@ def layer_material(used: str | Mapping[str, str], layer: str) -> str | None:
     if isinstance(used, str):
         return used
     return used.get(layer) or used.get(layer.rstrip(DIGITS))
+
+
+def material_of(scene: Scene, layer: str) -> str:
+    """Name of the material of a layer, "part.layer"."""
+    part, _, inner = layer.partition(".")
+    return str(layer_material(scene.parts[part].material, inner))
 
 
 def in_axes(material: Material, angle: float) -> Material:
@@ -201,3 +215,20 @@ def varied_stiffness(table: MaterialTable, values: Mapping[str, float]) -> Array
     E = np.array([c["E_1"], c["E_2"], c["E_3"]])
     nu = np.array([c["nu_12"], c["nu_31"] * E[0] / E[2], c["nu_32"] * E[1] / E[2]])
     return orthotropic(E, nu, np.array([c["G_23"], c["G_13"], c["G_12"]]))
+
+
+def nominal_value(scene: Scene, name: str) -> float:
+    """Value of a scalar in the scene, SI."""
+    if is_constant(name):
+        _, table, last = split_key(name)
+        return constants(scene.materials[table])[last]
+    return written_value(scene, name)
+
+
+def by_material(values: Mapping[str, Value]) -> dict[str, dict[str, Value]]:
+    """Those of some scalars that are constants of materials: material -> constant -> value."""
+    groups: dict[str, dict[str, Value]] = {}
+    for name in filter(is_constant, values):
+        _, material, constant = split_key(name)
+        groups.setdefault(material, {})[constant] = values[name]
+    return groups

@@ -16,11 +16,13 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.build.brake import Brake
+from brake_fenicsx.build.interfaces import interface_elements
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.build.brake import Brake, interface_elements
 from brake_fenicsx.macro.contact import Contact, join, restricted
-from brake_fenicsx.build.morphing import Moving
+from brake_fenicsx.macro.morphing import Moving
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.keys import key_parts
 
 Array = NDArray[np.float64]
 
@@ -58,10 +60,11 @@ class MovingContact:
             for name, usual, v, slides in zip(
                 names, shape.usual, shape.v, shape.slides, strict=True
             ):
-                if slides:
+                interfaces = {key_parts(key)[1] for key in slides}
+                if interfaces:
                     self._moves[name] = float(usual), v
-                self._interfaces |= slides
-                for interface, key in product(slides, ("zone", "tangential_stiffness")):
+                self._interfaces |= interfaces
+                for interface, key in product(interfaces, ("zone", "tangential_stiffness")):
                     if getattr(scene.contact[interface], key) is not None:
                         raise SceneError(
                             f"{name}: moves the facets of contact.{interface}, which its {key}"

@@ -8,15 +8,22 @@ from importlib import import_module
 from mpi4py import MPI
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extras.decks.superelement import set_names
+from brake_fenicsx.meshing.brake_mesh import (
+    Builder,
+    Mesh,
+    check_cells,
+    check_faces,
+    known_names,
+    on_rank_0,
+    raw_mesh,
+    tagged_mesh,
+)
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings, gmsh_session
+from brake_fenicsx.meshing.rawmesh import RawMesh, joined
 from brake_fenicsx.scene import Scene
 
-from brake_fenicsx.meshing.brake_mesh import (
-    Builder, Mesh, check_cells, check_faces, known_names, on_rank_0, raw_mesh, tagged_mesh,
-)
-from brake_fenicsx.meshing.gmsh_mesh import gmsh_session
-from brake_fenicsx.meshing.rawmesh import RawMesh, joined
-from .morphing import file_mesh
-from brake_fenicsx.extras.decks.superelement import set_names
+from .mesh_files import file_mesh
 
 
 def scene_parts(scene: Scene) -> dict[str, Builder]:
@@ -35,6 +42,12 @@ def file_parts(scene: Scene) -> list[str]:
     ]
 
 
+def mesh_settings(scene: Scene) -> MeshSettings:
+    """How the parts of a scene are meshed."""
+    table = scene.mesh
+    return MeshSettings(table.cells, table.order, table.growth, table.quality)
+
+
 def scene_mesh(scene: Scene, comm: MPI.Comm) -> Mesh:
     """Mesh of all parts of a scene, whole on every process; collective.
 
@@ -42,7 +55,7 @@ def scene_mesh(scene: Scene, comm: MPI.Comm) -> Mesh:
         SceneError: a part or the mesh file is wrong, or the mesh too bad; on all ranks.
     """
     try:
-        return tagged_mesh(lambda: scene_raw_mesh(scene), comm, scene.mesh)
+        return tagged_mesh(lambda: scene_raw_mesh(scene), comm, mesh_settings(scene))
     except SceneError as error:
         raise SceneError(f"{scene.file}: {error}") from None
 
@@ -55,11 +68,11 @@ def scene_raw_mesh(scene: Scene) -> RawMesh:
     """
     built = scene_parts(scene)
     if scene.mesh.file is None:
-        return raw_mesh(built, scene.mesh)
+        return raw_mesh(built, mesh_settings(scene))
     read, _ = file_mesh(scene, file_parts(scene))
     if not built:
         return read
-    made = raw_mesh(built, scene.mesh)
+    made = raw_mesh(built, mesh_settings(scene))
     if (made.shape, made.order) != (read.shape, read.order):
         cells = "tetrahedra" if read.shape == "tetrahedron" else "hexahedra"
         raise SceneError(
@@ -85,10 +98,10 @@ def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> list[s
     """
 
     def checked() -> list[str]:
-        layers, known = known_names(scene_parts(scene), scene.mesh)
+        layers, known = known_names(scene_parts(scene), mesh_settings(scene))
         if scene.mesh.file is not None:
             mesh, _ = file_mesh(scene, file_parts(scene))
-            check_cells(mesh, scene.mesh)
+            check_cells(mesh, mesh_settings(scene))
             layers, known = [*layers, *mesh.layers], [*known, *mesh.faces]
         check_faces(faces, [*known, *set_names(scene)])
         return layers

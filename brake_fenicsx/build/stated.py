@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from brake_fenicsx.meshing.rawmesh import Stated, Unread
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import slides
-
-from brake_fenicsx.meshing.rawmesh import Stated, Unread
 
 
 def left_out(scene: Scene, unread: Unread) -> dict[str, list[Stated]]:

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.geometry.part import PartEntities
-from brake_fenicsx.scene.mesh_section import MeshTable
 
-from .gmsh_mesh import discrete_model, gmsh_session, mesh_part, swept_part
+from .gmsh_mesh import MeshSettings, discrete_model, gmsh_session, mesh_part, swept_part
 from .quality import Quality, orientation, quality, volumes
 from .rawmesh import RawMesh, Unread, facet_nodes, joined
 
@@ -92,7 +91,7 @@ class Mesh:
 
 
 def build_mesh(
-    parts: Mapping[str, Builder], comm: MPI.Comm, table: MeshTable | None = None
+    parts: Mapping[str, Builder], comm: MPI.Comm, table: MeshSettings | None = None
 ) -> Mesh:
     """Build and mesh all parts with gmsh; collective.
 
@@ -107,11 +106,11 @@ def build_mesh(
     Raises:
         SceneError: a builder refuses its parameters, or the mesh is too bad; on all ranks.
     """
-    settings = table or MeshTable()
+    settings = table or MeshSettings()
     return tagged_mesh(lambda: raw_mesh(parts, settings), comm, settings)
 
 
-def raw_mesh(parts: Mapping[str, Builder], table: MeshTable) -> RawMesh:
+def raw_mesh(parts: Mapping[str, Builder], table: MeshSettings) -> RawMesh:
     """Build and mesh all parts on this process.
 
     Raises:
@@ -129,7 +128,7 @@ def raw_mesh(parts: Mapping[str, Builder], table: MeshTable) -> RawMesh:
     return joined(meshes)
 
 
-def tagged_mesh(make: Callable[[], RawMesh], comm: MPI.Comm, table: MeshTable) -> Mesh:
+def tagged_mesh(make: Callable[[], RawMesh], comm: MPI.Comm, table: MeshSettings) -> Mesh:
     """Make a plain mesh on rank 0, check it, and tag it on every process; collective.
 
     Every process has the whole mesh: the matrices are small beside their factors, and what solves
@@ -169,7 +168,7 @@ def extent(points: NDArray[Any]) -> tuple[float, ...]:
     return tuple(map(float, np.ptp(points, axis=0)))
 
 
-def check_cells(mesh: RawMesh, table: MeshTable) -> Quality:
+def check_cells(mesh: RawMesh, table: MeshSettings) -> Quality:
     """Refuse cells that are inside out, flat or skew.
 
     Raises:
@@ -231,7 +230,7 @@ def on_rank_0(
     return note if result is None else result
 
 
-def known_names(parts: Mapping[str, Builder], table: MeshTable) -> tuple[list[str], list[str]]:
+def known_names(parts: Mapping[str, Builder], table: MeshSettings) -> tuple[list[str], list[str]]:
     """Layers and faces of all parts, whose geometry is built but not meshed.
 
     Args:

@@ -6,13 +6,12 @@ import logging
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from typing import Any
 from unittest import mock
 
 import numpy as np
 from numpy.typing import NDArray
-
-from brake_fenicsx.scene.mesh_section import MeshTable
 
 from .quality import quality
 from .rawmesh import RawMesh, with_mirror_image, without_unused_nodes
@@ -41,6 +40,23 @@ FACET_TYPE = {("tetrahedron", 1): 2, ("tetrahedron", 2): 9,
               ("hexahedron", 1): 3, ("hexahedron", 2): 10}  # fmt: skip
 
 
+@dataclass(frozen=True, slots=True)
+class MeshSettings:
+    """How parts are meshed.
+
+    Attributes:
+        cells: "tetrahedra" or, of swept parts, "hexahedra".
+        order: order of the geometry, 1 or 2.
+        growth: growth of the cell size away from finer cells, size per distance.
+        quality: lowest accepted cell quality: 3 r / R of tetrahedra, scaled Jacobian of hexahedra.
+    """
+
+    cells: str = "tetrahedra"
+    order: int = 1
+    growth: float = 0.5
+    quality: float = 0.01
+
+
 @contextmanager
 def gmsh_session() -> Iterator[Any]:
     """Gmsh, silent, from start to end, with the same settings in every account."""
@@ -59,7 +75,7 @@ def gmsh_session() -> Iterator[Any]:
             gmsh.finalize()
 
 
-def mesh_part(gmsh: Any, name: str, builder: Any, values: Any, table: MeshTable) -> RawMesh:
+def mesh_part(gmsh: Any, name: str, builder: Any, values: Any, table: MeshSettings) -> RawMesh:
     """Build and mesh one part in a model of its own.
 
     Args:
@@ -87,7 +103,9 @@ def mesh_part(gmsh: Any, name: str, builder: Any, values: Any, table: MeshTable)
     return with_mirror_image(mesh) if part.mirror else mesh
 
 
-def _layered(gmsh: Any, name: str, builder: Any, values: Any, table: MeshTable) -> RawMesh | None:
+def _layered(
+    gmsh: Any, name: str, builder: Any, values: Any, table: MeshSettings
+) -> RawMesh | None:
     """Tetrahedra in layers along the sweep, where thin layers come out as slivers otherwise."""
     gmsh.model.add(f"{name} in layers")
     try:
@@ -112,7 +130,7 @@ def swept_part(occ: Any, name: str, builder: Any, values: Any) -> Any:
     return builder.sweep(occ, values)
 
 
-def _swept_mesh(gmsh: Any, name: str, swept: Any, table: MeshTable) -> RawMesh:
+def _swept_mesh(gmsh: Any, name: str, swept: Any, table: MeshSettings) -> RawMesh:
     """Mesh the footprint and lift it."""
     model, quads = gmsh.model, table.cells == "hexahedra"
     tags = sorted({tag for region in swept.regions.values() for tag in region})
@@ -159,7 +177,7 @@ def _quadrilaterals(gmsh: Any) -> None:
         option("Mesh.MeshSizeFactor", 1.0)
 
 
-def _volume_mesh(gmsh: Any, name: str, part: Any, table: MeshTable) -> RawMesh:
+def _volume_mesh(gmsh: Any, name: str, part: Any, table: MeshSettings) -> RawMesh:
     """Tetrahedra in all volumes of a part; if one is flat, other plane meshes are tried."""
     model = gmsh.model
     _point_sizes(model, part, table.growth)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import logging
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.draft.beside import beside
-from brake_fenicsx.scene.mesh_section import MeshTable
-from brake_fenicsx.scene.units import to_si
 
 from .filemesh import NO_CELLS, FileMesh, completed
 from .meshfile import read_mesh_file
@@ -27,16 +25,38 @@ Faces = dict[str, Ints]
 logger = logging.getLogger(__name__)
 
 
+@dataclass(frozen=True, slots=True)
+class GroupedFile:
+    """A mesh file and what its groups are.
+
+    Attributes:
+        folder: from which the file is named.
+        file: its name.
+        unit: unit of its lengths.
+        metres: that unit [m].
+        extent: smallest and largest accepted extent of the mesh [m].
+        groups: group of the file -> "part.layer" of cells, "part.face" or several of facets, nodes.
+        split: face whose nodes are duplicated -> face of the other body with the original nodes.
+    """
+
+    folder: Path
+    file: str
+    unit: str
+    metres: float
+    extent: tuple[float, ...]
+    groups: Mapping[str, str | list[str]]
+    split: Mapping[str, str] = field(default_factory=dict)
+
+
 def mesh_of_file(
-    folder: Path, table: MeshTable, parts: Iterable[str], displaced: tuple[str, str] | None = None
+    given: GroupedFile, parts: Iterable[str], displaced: tuple[str, str] | None = None
 ) -> RawMesh:
-    """Read the mesh file of a scene and name its parts and faces.
+    """Read a mesh file and name its parts and faces.
 
     Args:
-        folder: folder of the scene.
-        table: the section [mesh].
-        parts: names of the scene's parts that have no builder.
-        displaced: a file with other places of the same nodes, and the key of the scene with it.
+        given: the file and its groups.
+        parts: names of the parts that have no builder.
+        displaced: a file with other places of the same nodes, and the key that names it.
 
     Returns:
         The mesh in metres, right-handed, bodies apart.
@@ -44,9 +64,9 @@ def mesh_of_file(
     Raises:
         SceneError: the file, its unit, a group or a cell is wrong.
     """
-    found = _read(folder, str(table.file), "mesh.file")
+    found = _read(given.folder, given.file, "mesh.file")
     if displaced is not None:
-        other = _read(folder, *displaced)
+        other = _read(given.folder, *displaced)
         sizes = [(len(mesh.points), len(mesh.cells)) for mesh in (other, found)]
         same = sizes[0] == sizes[1] and np.array_equal(other.cells, found.cells)
         if not same or [*other.numbers] != [*found.numbers]:
@@ -56,18 +76,19 @@ def mesh_of_file(
                 " numbered otherwise; move nodes of mesh.file and export it again"
             )
         found = replace(found, points=other.points)
-    cells, points = found.cells, found.points * _metres(found, table)
+    cells, points = found.cells, found.points * given.metres
+    _check_extent(points[np.unique(cells)], given)
     if cells.shape[1] == 20:
         points, cells = completed(points, cells)
-    kinds = {group: _kind(found, group, target) for group, target in table.groups.items()}
-    mesh = layers_of(found, points, cells, table, kinds)
+    kinds = {group: _kind(found, group, target) for group, target in given.groups.items()}
+    mesh = layers_of(found, points, cells, given.groups, kinds)
     _check_names(mesh, parts)
     faces: Faces = {}
-    for group, target in table.groups.items():
+    for group, target in given.groups.items():
         if kinds[group][0] != "cells":
             faces |= _faces(found, mesh, group, target, kinds[group])
-    mesh = replace(mesh, unread=beside(Path(str(table.file)), found, mesh, faces, kinds.values()))
-    return without_unused_nodes(_turned_right(_apart(mesh, faces, table.split)))
+    mesh = replace(mesh, unread=beside(Path(given.file), found, mesh, faces, kinds.values()))
+    return without_unused_nodes(_turned_right(_apart(mesh, faces, given.split)))
 
 
 def _read(folder: Path, file: str, key: str) -> FileMesh:
@@ -80,23 +101,14 @@ def _read(folder: Path, file: str, key: str) -> FileMesh:
     return found
 
 
-def _metres(found: FileMesh, table: MeshTable) -> float:
-    """The file's unit in metres, after a look at the extent."""
-    if table.unit is None:
-        raise SceneError('mesh.unit: missing; write the unit of the file\'s lengths, as "mm"')
-    try:
-        scale = to_si(f"1 {table.unit}", "m")
-    except ValueError as error:
-        raise SceneError(f"mesh.unit = {table.unit!r}: {error}") from None
-    used = found.points[np.unique(found.cells)]
-    extent = float(np.ptp(used, axis=0).max()) * scale
-    low, high = table.extent
+def _check_extent(used: NDArray, given: GroupedFile) -> None:
+    """Refuse a mesh whose extent tells of a wrong unit; its nodes in use [m]."""
+    extent, (low, high) = float(np.ptp(used, axis=0).max()), given.extent
     if not low <= extent <= high:
         raise SceneError(
-            f"mesh.unit = {table.unit!r}: the mesh would be {extent:.3g} m long, not between"
+            f"mesh.unit = {given.unit!r}: the mesh would be {extent:.3g} m long, not between"
             f" {low:g} m and {high:g} m; correct the unit, or widen mesh.extent"
         )
-    return scale
 
 
 def _kind(found: FileMesh, group: str, target: str | list[str]) -> tuple[str, str]:
@@ -126,12 +138,16 @@ def _kind(found: FileMesh, group: str, target: str | list[str]) -> tuple[str, st
 
 
 def layers_of(
-    found: FileMesh, points: NDArray, cells: Ints, table: MeshTable, kinds: dict
+    found: FileMesh,
+    points: NDArray,
+    cells: Ints,
+    groups: Mapping[str, str | list[str]],
+    kinds: dict,
 ) -> RawMesh:
     """Cells of the named groups only."""
     tag = np.zeros(len(cells), dtype=np.int64)
     layers: dict[str, int] = {}
-    for group, target in table.groups.items():
+    for group, target in groups.items():
         kind, name = kinds[group]
         if kind != "cells":
             continue
@@ -222,7 +238,7 @@ def _faces(
 
 
 def _apart(mesh: RawMesh, faces: Faces, split: Mapping[str, str]) -> RawMesh:
-    """The mesh with its faces, and nodes doubled where the scene says so.
+    """The mesh with its faces, and nodes doubled where that is asked for.
 
     Args:
         mesh: cells without faces.

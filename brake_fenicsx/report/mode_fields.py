@@ -250,7 +250,6 @@ def _write_modes(
     from brake_fenicsx.report.animation import animate_mode
     from brake_fenicsx.report.render import render_mode
     from brake_fenicsx.report.style import label
-    from brake_fenicsx.report.turned import can_turn, write_scene
 
     from .fields import write_fields, write_phases
 
@@ -271,8 +270,6 @@ def _write_modes(
         if pictures:
             render_mode(store.path("figures", f"{picture}.png"), V, shape, title)
             animate_mode(store.path("figures", f"{picture}.webp"), V, shape)
-            if i == 0 and can_turn():
-                write_scene(store.path("figures", f"{picture}.vtksz"), V, shape)
         row: list[Value] = [
             name, mode.family.number, mode.sample, mode.mode, mode.frequency, mode.damping,
             picture, *_nodal_cells(rotors, V, shape),

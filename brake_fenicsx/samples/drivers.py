@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.build.damping_terms import rates_of_sample
 from brake_fenicsx.build.layers import Layers
+from brake_fenicsx.build.material_table import nominal_value
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.macro.equilibrium_change import EquilibriumChange, equilibrium_change
 from brake_fenicsx.scene import Scene
@@ -35,10 +37,8 @@ from brake_fenicsx.stability.eigensolvers.eigenpairs import QuadraticPencil, inn
 from brake_fenicsx.stability.modes import Complex, Modes
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.substructures.vectors import ContactMotions
-from brake_fenicsx.stability.terms import rates_of_sample
 
 from .equilibria import Equilibria
-from .inputs import nominal_value
 from .models import Models
 from .solve import linearised, sample_damping
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.build.brake import Brake, scene_motion
+from brake_fenicsx.build.brake import Brake
+from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.friction import Rotation
@@ -163,6 +164,26 @@ def stuck_warnings(scene: Scene, states: Mapping[str, Mapping[str, Any]]) -> lis
             ' "motion" for faces that slide'
         )
     return lines
+
+
+def law_warnings(scene: Scene, samples: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """A line where pressures leave the range in which the laws are known.
+
+    Args:
+        scene: the scene.
+        samples: figures of each approach, see ``results.counts``.
+    """
+    shares = {name: s.get("force_share_beyond_laws", 0.0) for name, s in samples.items()}
+    worst = max(shares, key=lambda approach: shares[approach], default="")
+    if shares.get(worst, 0.0) <= FEW:
+        return []
+    return [
+        f"contact: at the equilibrium of a sample ({scene.spoken(worst)})"
+        f" {100 * shares[worst]:.2g} % of the normal force stands on elements above the"
+        " highest pressure of their laws, from where"
+        " these go on as straight lines: raise micro.max_pressure or micro.hardness, or measure a"
+        " law.table to higher pressures"
+    ]
 
 
 def _limit(scene: Scene, name: str) -> float | None:

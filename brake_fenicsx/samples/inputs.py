@@ -12,21 +12,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.build.distributions import quantile
+from brake_fenicsx.build.material_table import by_material, nominal_value
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.samples_section import is_constant, split_key
-from brake_fenicsx.scene.scalars import is_length, written_value
+from brake_fenicsx.scene.scalars import is_length
 
-from .designs import RIGID, correlated, correlation_root, design_points, design_size, quantile
+from .designs import RIGID, correlated, correlation_root, design_points, design_size
 
 Array = NDArray[np.float64]
-Value = TypeVar("Value")
 
 # Draws of one sample before its laws are called impossible.
 MOST_DRAWS = 1000
@@ -111,16 +111,6 @@ def draw_inputs(
     raise refused
 
 
-def nominal_value(scene: Scene, name: str) -> float:
-    """Value of a scalar in the scene, SI."""
-    if is_constant(name):
-        from brake_fenicsx.build.material_table import constants
-
-        _, table, last = split_key(name)
-        return constants(scene.materials[table])[last]
-    return written_value(scene, name)
-
-
 def inputs_of(
     scene: Scene, approach: str, values: Mapping[str, float], rejected: int = 0
 ) -> Inputs:
@@ -155,15 +145,6 @@ def inputs_of(
         for interface in scaled_interfaces(scene):
             law_factor(scene, interface, materials)
     return Inputs(dict(values), materials, pressures, rejected)
-
-
-def by_material(values: Mapping[str, Value]) -> dict[str, dict[str, Value]]:
-    """Those of some scalars that are constants of materials: material -> constant -> value."""
-    groups: dict[str, dict[str, Value]] = {}
-    for name in filter(is_constant, values):
-        _, material, constant = split_key(name)
-        groups.setdefault(material, {})[constant] = values[name]
-    return groups
 
 
 def _stiffnesses(scene: Scene, groups: Mapping[str, Mapping[str, float]]) -> dict[str, Array]:

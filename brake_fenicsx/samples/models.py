@@ -44,12 +44,12 @@ from .numbering import Numbering, dof_points
 from .sampling import friction_coefficients
 
 if TYPE_CHECKING:
+    from brake_fenicsx.build.damping_terms import Terms
     from brake_fenicsx.stability.substructures import (
         ContactLinearisation,
         Parameters,
         ReducedModel,
     )
-    from brake_fenicsx.stability.terms import Terms
 
     from .sampling import SampleInput
 
@@ -264,7 +264,7 @@ class Models:
 
     def _prepare_modes(self, k0: Array) -> None:
         """Damping, numbering and reduced models."""
-        from brake_fenicsx.stability.terms import damping_terms, record
+        from brake_fenicsx.build.damping_terms import damping_terms, record
 
         scene, brake = self._scene, self.brake
         self.terms = damping_terms(scene, brake)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from brake_fenicsx.build.material_table import nominal_value
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import FrictionLaw
 from brake_fenicsx.macro.contact import Contact
@@ -33,18 +34,10 @@ from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.scene import ContactTable, LawTable, Scene
 from brake_fenicsx.scene.approaches import friction_of
 from brake_fenicsx.scene.contact_section import LAWS
+from brake_fenicsx.scene.scalars import SPEED
 
 from .designs import roughness_of
-from .inputs import (
-    PERFECT,
-    Inputs,
-    draw_inputs,
-    inputs_of,
-    law_factor,
-    nominal_value,
-    scaled_interfaces,
-    size_of,
-)
+from .inputs import PERFECT, Inputs, draw_inputs, inputs_of, law_factor, scaled_interfaces, size_of
 
 if TYPE_CHECKING:
     from brake_fenicsx.surface.hdf import HeightDistribution
@@ -53,7 +46,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 # Keys of scalars that belong to no table of several.
-SPEED, PENALTY = "motion.speed", "samples.classical.penalty"
+PENALTY = "samples.classical.penalty"
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx.build.damping_terms import damping_of_sample, rates_of_sample
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.extras import spared
 from brake_fenicsx.folder.log import logger
@@ -21,7 +22,6 @@ from brake_fenicsx.stability.modes import relative_errors
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.participation import damped_partners, energy_shares, flutter_partners
 from brake_fenicsx.stability.substructures import ContactLinearisation
-from brake_fenicsx.stability.terms import damping_of_sample, rates_of_sample
 
 from .models import Models
 

@@ -212,7 +212,9 @@ class Study:
             "equilibrium_iterations": sum(eq.iterations), "equilibrium_residual": eq.residual,
             "equilibrium_seconds": eq.seconds,
         }  # fmt: skip
-        if (contact := models.contact(sample.random)) is not self.brake.contact:
+        contact = models.contact(sample.random)
+        out["beyond_laws"] = sample.laws.beyond(eq.p, contact.w)
+        if contact is not self.brake.contact:
             out["moved"] = moved(contact)
         if models.stability is not None:
             from .solve import modes_of_sample

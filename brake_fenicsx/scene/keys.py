@@ -165,8 +165,8 @@ def contradictions(table: Any) -> Iterator[str]:
         if "rule" in about and value is not None:
             (holds, remedy), unit = about["rule"], about["unit"]
             if not holds(value):
-                number = f"{value:g}" if isinstance(value, float) else shown(value)
-                text = repr([*value]) if isinstance(value, tuple) else number
+                plain = [*value] if isinstance(value, tuple) else value
+                text = f"{value:g}" if isinstance(value, float) else shown(plain)
                 yield f"{dotted(*keys)} = {text}{unit and ' '}{unit}: {remedy}"
         for text in getattr(value, "contradictions", tuple)():
             yield dotted(*keys) + text

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from brake_fenicsx.description import describe
-from brake_fenicsx.errors import SceneError
 from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.free_motions import check_free_motions
+from brake_fenicsx.description import describe
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.rawmesh import FACETS
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene

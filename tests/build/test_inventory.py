@@ -9,18 +9,18 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx.description import describe
 from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.inventory import interfaces_of, parts_of, placement_doubts
+from brake_fenicsx.description import describe
 from brake_fenicsx.macro.contact import contact_elements
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.friction import Rotation
-from brake_fenicsx.build.inventory import interfaces_of, parts_of, placement_doubts
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.meshing.brake_mesh import tagged_mesh
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.meshing.quality import volumes
 from brake_fenicsx.meshing.rawmesh import RawMesh, exterior_facets, joined
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.mesh_section import MeshTable
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = ["stages=['equilibrium']", "parts.block.size='14 mm'", "parts.plate.size='20 mm'"]
@@ -49,7 +49,7 @@ def test_volumes_of_curved_cells(cells):
     shape = disc.Disc(radius=100e-3, bore=60e-3, thickness=10e-3, size=15e-3)
     exact = np.pi * (100e-3**2 - 60e-3**2) * 10e-3
     for order, error in ((1, 3e-2), (2, 2e-4)):
-        mesh = raw_mesh({"disc": (disc, shape)}, MeshTable(cells=cells, order=order))
+        mesh = raw_mesh({"disc": (disc, shape)}, MeshSettings(cells=cells, order=order))
         assert volumes(mesh).sum() == pytest.approx(exact, rel=error)
 
 
@@ -124,7 +124,7 @@ def test_plane_facets_of_curved_faces_are_not_taken_for_a_gap(lift, warned):
     """A fine shoe on a drum with facets of 6 degrees: gaps of 21 um and more, of 68 um at most."""
     R = 50e-3
     raw = joined([sector("drum", R - 10e-3, R, 10), sector("shoe", R + lift, R + 8e-3, 60)])
-    mesh = tagged_mesh(lambda: raw, MPI.COMM_SELF, MeshTable(cells="hexahedra", quality=1e-3))
+    mesh = tagged_mesh(lambda: raw, MPI.COMM_SELF, MeshSettings(cells="hexahedra", quality=1e-3))
     steel = Material(isotropic(2e11, 0.3), 7800.0)
     elastic = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}, degree=1)
     faces = ("shoe.inner", "drum.outer")

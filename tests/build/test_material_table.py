@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from brake_fenicsx.build.material_table import in_axes, layer_materials, scene_materials, stiffness
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.material import (
     Material,
@@ -14,7 +15,6 @@ from brake_fenicsx.macro.material import (
     rotate_about_z,
     transversely_isotropic,
 )
-from brake_fenicsx.build.material_table import in_axes, layer_materials, scene_materials, stiffness
 from brake_fenicsx.scene import MaterialTable, read_scene
 
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"

@@ -8,16 +8,16 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from brake_fenicsx.build.law_stage import law_recipe
+from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.checks import check, surface_warnings, with_pixels
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.build.law_stage import law_recipe
 from brake_fenicsx.micro import load_laws, save_laws
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.report.inputs import contact_maps
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import laws_key, result_digest
 from brake_fenicsx.surface import given_statistics, synthesise
-from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.surface.psd import wave_numbers
 
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"

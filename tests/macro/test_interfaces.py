@@ -141,3 +141,4 @@ def test_joined_laws_are_their_parts():
         ]
         np.testing.assert_array_equal(getattr(both, name)(index, d), np.transpose(alone))
     np.testing.assert_allclose(both.first_touch(index)[[0, 2]], 0.0)
+    np.testing.assert_array_equal(both.highest(index), np.inf)

@@ -14,19 +14,20 @@ from scipy.optimize import brentq
 from brake_fenicsx import model
 from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.changes import assemble_changes
-from brake_fenicsx.build.morphing import Move, movement, moving
+from brake_fenicsx.build.damping_terms import damping_terms
+from brake_fenicsx.build.lengths import movement
 from brake_fenicsx.build.part_builders import scene_mesh
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.geometry import block
+from brake_fenicsx.macro.morphing import Move, moving
 from brake_fenicsx.meshing.brake_mesh import raw_mesh
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import read_columns
 from brake_fenicsx.samples.solve import full_modes
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.mesh_section import MeshTable
 from brake_fenicsx.stability import complex_modes
-from brake_fenicsx.stability.terms import damping_terms
 
 SCENE = """
 stages = ["equilibrium", "stability"]
@@ -229,7 +230,7 @@ def test_frequencies_of_a_bar_follow_its_length(written):
         "stability.band=['0 Hz','50 kHz']",
     ]  # fmt: skip
     morph = 'morph.wear = { displaced = "worn.msh", ends = ["100 mm", "60 mm"] }'
-    scene = written(move=worn, morph=morph, mesh=raw_mesh(BAR, MeshTable(cells="hexahedra")))
+    scene = written(move=worn, morph=morph, mesh=raw_mesh(BAR, MeshSettings(cells="hexahedra")))
     prepared = model.prepare(scene, bar, parameters={KEY: (60e-3, 100e-3)})
     for height in (60e-3, 73e-3, 91e-3, 100e-3):
         f = prepared.modes({KEY: height}).frequency
@@ -257,7 +258,7 @@ def test_frequencies_of_a_plate_follow_its_thickness(written):
         z = np.clip(points[:, 2], 0, None)
         return points - 4e-3 * np.outer(np.where(pad, (z / 10e-3) ** 1.1, 0.0), [0, 0, 1])
 
-    mesh = raw_mesh(PLATE, MeshTable(cells="hexahedra"))
+    mesh = raw_mesh(PLATE, MeshSettings(cells="hexahedra"))
     centre = mesh.points[mesh.facets].mean(axis=1)
     sides = mesh.facet_tag == mesh.faces["pad.sides"]
     tag = mesh.facet_tag.copy()

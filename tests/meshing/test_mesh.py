@@ -12,7 +12,7 @@ from brake_fenicsx.geometry import block, disc, hertz_base, hertz_sphere, pad
 from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.meshing.brake_mesh import build_mesh, raw_mesh
-from brake_fenicsx.scene.mesh_section import MeshTable
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 
 STEEL = Material(isotropic(2e11, 0.3), 7800.0)
 
@@ -43,7 +43,7 @@ PARTS = {
 @pytest.mark.parametrize("order", [1, 2])
 def test_all_processes_hold_the_same_mesh(comm, cells, order):
     """Counts equal the plain mesh's, areas and volumes those of process 0."""
-    table = MeshTable(cells=cells, order=order)
+    table = MeshSettings(cells=cells, order=order)
     together = measures(build_mesh(PARTS, comm, table))
     first = comm.bcast(together, root=0)
     raw = raw_mesh(PARTS, table)
@@ -68,7 +68,7 @@ def test_middle_nodes_lie_on_the_sphere(comm):
         "ball": (hertz_sphere, hertz_sphere.Sphere(r, c, 0.5e-3)),
         "base": (hertz_base, hertz_base.Base(r, r, c, 0.5e-3)),
     }
-    found = measures(build_mesh(parts, comm, MeshTable(order=2)))
+    found = measures(build_mesh(parts, comm, MeshSettings(order=2)))
     assert found["ball.body"][1] == pytest.approx(np.pi * r**3 / 6, rel=2e-4)
     exact = np.pi / 2 * r * (r - np.sqrt(r**2 - c**2))
     assert found["ball.contact"][1] == pytest.approx(exact, rel=2e-6)
@@ -78,7 +78,7 @@ def test_middle_nodes_lie_on_the_sphere(comm):
 def test_hexahedra_stretch_exactly(comm, order):
     """A bar of nu = 0 under tension: u = p L / E to round-off; catches a wrong node order."""
     bar = block.Block(length=30e-3, width=10e-3, height=12e-3, size=5e-3)
-    table = MeshTable(cells="hexahedra", order=order)
+    table = MeshSettings(cells="hexahedra", order=order)
     mesh = build_mesh({"bar": (block, bar)}, comm, table)
     material = Material(isotropic(2e11, 0.0), 7800.0)
     held = {"bar.bottom": ["x", "y", "z"]}
@@ -91,7 +91,7 @@ def test_hexahedra_stretch_exactly(comm, order):
 
 def test_mass_of_hexahedra(comm):
     """Nothing held: the mass of a unit translation is that of the body, for all three axes."""
-    table = MeshTable(cells="hexahedra", order=2)
+    table = MeshSettings(cells="hexahedra", order=2)
     mesh = build_mesh({"disc": (disc, disc.Disc(size=20e-3))}, comm, table)
     solved = assemble_elastic(mesh, {"disc.body": STEEL}, {})
     mass = solved.M.sum() / 3
@@ -104,6 +104,6 @@ def test_mistakes_are_raised_on_all_processes(comm):
     with pytest.raises(SceneError, match=r"parts.disc: .*between 0 and radius"):
         build_mesh({"disc": (disc, disc.Disc(bore=0.2))}, comm)
     with pytest.raises(SceneError, match=r"at least 0\.9 is needed"):
-        build_mesh({"b": (block, block.Block())}, comm, MeshTable(quality=0.9))
+        build_mesh({"b": (block, block.Block())}, comm, MeshSettings(quality=0.9))
     with pytest.raises(SceneError, match="none is named"):
         build_mesh({}, comm)

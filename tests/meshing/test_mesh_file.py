@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from brake_fenicsx.build.mesh_files import grouped_file
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus import read_abaqus
 from brake_fenicsx.meshing.brake_mesh import check_cells, tagged_mesh
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.meshing.groups import mesh_of_file
 from brake_fenicsx.meshing.meshfile import read_mesh_file
 from brake_fenicsx.meshing.quality import orientation
@@ -30,7 +32,7 @@ def table(path, **changes):
 
 
 def read(path, **changes):
-    return mesh_of_file(path.parent, table(path, **changes), PARTS)
+    return mesh_of_file(grouped_file(path.parent, table(path, **changes)), PARTS)
 
 
 def volumes(mesh):
@@ -79,7 +81,7 @@ def test_round_trip(cells, order, form, tmp_path, meshes):
     for face in ("pad.friction", "plate.top", "pad.back", "plate.bottom"):
         assert area(found, face) == pytest.approx(AREA, rel=1e-9), face
     # Boxes have straight edges: a misplaced middle node would distort its cell.
-    assert check_cells(found, MeshTable()).distortion > 0.2
+    assert check_cells(found, MeshSettings()).distortion > 0.2
     np.testing.assert_allclose(
         np.sort(found.points[found.cells].mean(axis=1), axis=0),
         np.sort(mesh.points[mesh.cells].mean(axis=1), axis=0),
@@ -98,7 +100,7 @@ def test_degenerate_bricks_of_ansys_are_tetrahedra(order, tmp_path, meshes):
     found = read(file, groups=groups)
     assert (found.shape, found.order) == ("tetrahedron", order)
     assert volumes(found)["pad.lining"] == pytest.approx(VOLUME["pad.lining"], rel=1e-9)
-    assert check_cells(found, MeshTable()).distortion > 0.9
+    assert check_cells(found, MeshSettings()).distortion > 0.9
 
 
 def test_nastran_by_property(tmp_path, meshes):
@@ -198,7 +200,7 @@ def test_surfaces_and_sets_of_abaqus(tmp_path):
         "*NSET, NSET=far\n3,4\n5\n*SURFACE, NAME=far_nodes, TYPE=NODE\nfar,\n*STEP\n*END STEP\n"
     )
     names = {"BOTH": "b.all", "Low": "b.low", "left": "b.left", "skin": "b.skin", "far": "b.far"}
-    found = mesh_of_file(tmp_path, table(file, groups=names), ["b"])
+    found = mesh_of_file(grouped_file(tmp_path, table(file, groups=names)), ["b"])
     centres = {
         name: 1e3 * found.points[found.facets[found.facet_tag == tag]].mean(axis=1)
         for name, tag in found.faces.items()
@@ -453,7 +455,7 @@ def test_gap_of_a_split_mesh_opens(tmp_path, meshes):
     file = tmp_path / "glued.msh"
     meshes.write_gmsh(meshes.glued(meshes.boxes()), file)
     split = {"pad.friction": "plate.top"}
-    mesh = tagged_mesh(lambda: read(file, split=split), MPI.COMM_SELF, MeshTable())
+    mesh = tagged_mesh(lambda: read(file, split=split), MPI.COMM_SELF, MeshSettings())
     steel = Material(isotropic(2e11, 0.3), 7800.0)
     free = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}).free
     faces = ("pad.friction", "plate.top")
@@ -481,7 +483,7 @@ def test_left_handed_cells_are_turned(cells, order, tmp_path, caplog, meshes):
     assert "left-handed" in caplog.text
     assert np.all(orientation(found) == 1)
     assert volumes(found)["pad.lining"] == pytest.approx(VOLUME["pad.lining"], rel=1e-9)
-    assert check_cells(found, MeshTable()).distortion > 0.2
+    assert check_cells(found, MeshSettings()).distortion > 0.2
 
 
 def test_a_twisted_hexahedron_is_refused(tmp_path, meshes):
@@ -491,7 +493,7 @@ def test_a_twisted_hexahedron_is_refused(tmp_path, meshes):
     file = tmp_path / "twisted.inp"
     meshes.write_abaqus(mesh, file)
     with pytest.raises(SceneError, match=r"1 cells are flat or twisted.*pad.lining"):
-        check_cells(read(file), MeshTable())
+        check_cells(read(file), MeshSettings())
 
 
 def test_serendipity_hexahedra_keep_their_curves(tmp_path, meshes):
@@ -500,17 +502,17 @@ def test_serendipity_hexahedra_keep_their_curves(tmp_path, meshes):
     from brake_fenicsx.meshing.brake_mesh import raw_mesh
 
     parts = {"disc": (disc, disc.Disc(size=15e-3))}
-    mesh = raw_mesh(parts, MeshTable(cells="hexahedra", order=2))
+    mesh = raw_mesh(parts, MeshSettings(cells="hexahedra", order=2))
     file = tmp_path / "disc.inp"
     meshes.write_abaqus(mesh, file)
     groups = {"disc_body": "disc.body", "disc_rim": "disc.rim"}
-    found = mesh_of_file(tmp_path, table(file, groups=groups), ["disc"])
+    found = mesh_of_file(grouped_file(tmp_path, table(file, groups=groups)), ["disc"])
     r = np.hypot(*found.points[np.unique(found.cells[:, :20])].T[:2])
     assert r.max() == pytest.approx(144e-3, rel=1e-9)
     own, wanted = (np.sort(m.points[m.cells[:, 20:]].reshape(-1, 3), axis=0) for m in (found, mesh))
     # The centres of faces on the cylinder differ by the fourth power of the angle of an element.
     np.testing.assert_allclose(own, wanted, atol=2e-4)
-    own, wanted = (check_cells(m, MeshTable()).distortion for m in (found, mesh))
+    own, wanted = (check_cells(m, MeshSettings()).distortion for m in (found, mesh))
     assert own == pytest.approx(wanted, rel=0.1)
 
 
@@ -579,10 +581,10 @@ def test_overlapping_groups_and_faces(tmp_path):
         "*ELSET, ELSET=b\n1\n*SURFACE, NAME=low\n1, S1\n*NSET, NSET=n\n1,2,3\n"
     )
     with pytest.raises(SceneError, match=r"in 'p.a' already"):
-        mesh_of_file(tmp_path, table(file, groups={"a": "p.a", "b": "p.b"}), ["p"])
+        mesh_of_file(grouped_file(tmp_path, table(file, groups={"a": "p.a", "b": "p.b"})), ["p"])
     groups = {"a": "p.a", "low": "p.low", "n": "p.n"}
     with pytest.raises(SceneError, match=r"'p.low' and 'p.n' have 1 facets in common"):
-        mesh_of_file(tmp_path, table(file, groups=groups), ["p"])
+        mesh_of_file(grouped_file(tmp_path, table(file, groups=groups)), ["p"])
 
 
 def test_a_cell_of_two_groups_is_one_cell(tmp_path):

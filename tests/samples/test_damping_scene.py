@@ -11,15 +11,15 @@ import pytest
 import scipy.sparse as sp
 
 from brake_fenicsx.build.brake import assemble_brake
-from brake_fenicsx.build.damping_terms import gyroscopic
+from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.approaches import active_terms
 from brake_fenicsx.stability import complex_modes
+from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.operators import tangent
-from brake_fenicsx.stability.terms import damping_terms
 
 SELF = MPI.COMM_SELF
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from brake_fenicsx import compat, model
-from brake_fenicsx.build.brake import assemble_bodies, assemble_brake, interface_elements
+from brake_fenicsx.build.bodies import assemble_bodies
+from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.changes import assemble_changes
+from brake_fenicsx.build.interfaces import interface_elements
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.samples.solve import full_modes
 from brake_fenicsx.scene import read_scene

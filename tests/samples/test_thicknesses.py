@@ -10,10 +10,10 @@ import pytest
 from brake_fenicsx import model
 from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.changes import assemble_changes
+from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.samples.solve import full_modes
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.stability.terms import damping_terms
 
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"

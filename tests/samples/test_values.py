@@ -10,6 +10,7 @@ import pytest
 
 from brake_fenicsx import model
 from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.samples.sampling import draw_sample
@@ -17,7 +18,6 @@ from brake_fenicsx.samples.solve import full_modes
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.stability import ContactLinearisation
-from brake_fenicsx.stability.terms import damping_terms
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = [

@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from brake_fenicsx.build.damping_terms import loss_factor, rayleigh, sliding_damping, velocity_slope
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.stability import complex_modes
+from brake_fenicsx.stability.damping_matrices import (
+    loss_factor,
+    rayleigh,
+    sliding_damping,
+    velocity_slope,
+)
 
 
 def random_spd(n, seed):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.build.brake import assemble_brake
-from brake_fenicsx.build.damping_terms import sliding_damping
 from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import (
@@ -19,6 +18,7 @@ from brake_fenicsx.stability import (
     contact_interface,
     split_substructures,
 )
+from brake_fenicsx.stability.damping_matrices import sliding_damping
 from brake_fenicsx.stability.modes import relative_errors
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.substructures.low_rank import SHARE

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from brake_fenicsx.build.damping_terms import rayleigh
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.stability import complex_modes, contact_interface
+from brake_fenicsx.stability.damping_matrices import rayleigh
 from brake_fenicsx.stability.full import damped
 from dense_reference import all_damped
 

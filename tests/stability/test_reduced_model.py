@@ -10,7 +10,6 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from brake_fenicsx.build.damping_terms import gyroscopic
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.condensation import compliance
@@ -22,6 +21,7 @@ from brake_fenicsx.stability import (
     ReducedModel,
     complex_modes,
 )
+from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.substructures import CONSTANT, reduction
 from brake_fenicsx.stability.substructures.interpolated import InterpolatedMoments
 from brake_fenicsx.stability.substructures.moments import Complement

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from brake_fenicsx import compat
-from brake_fenicsx.build.brake import assemble_bodies
-from brake_fenicsx.build.part_builders import file_parts, scene_parts
+from brake_fenicsx.build.bodies import assemble_bodies
+from brake_fenicsx.build.mesh_files import grouped_file
+from brake_fenicsx.build.part_builders import file_parts, mesh_settings, scene_parts
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.elasticity import Elastic, FreeDofs
 from brake_fenicsx.macro.faces import Face, gather_face
@@ -88,7 +89,7 @@ def part_body(
     """Mesh and matrices of a part by itself; see ``part_modes``."""
     try:
         raw = _body(_raw_mesh(scene, name), name, near)
-        mesh = tagged_mesh(lambda: raw, MPI.COMM_SELF, scene.mesh)
+        mesh = tagged_mesh(lambda: raw, MPI.COMM_SELF, mesh_settings(scene))
     except SceneError as error:
         raise SceneError(f"{scene.file}: {error}") from None
     keep = set(mesh.faces) if supported else set()
@@ -138,8 +139,8 @@ def _raw_mesh(scene: Scene, name: str) -> RawMesh:
     """Mesh that holds a part: its own, or that of the file."""
     builders = scene_parts(scene)
     if name in builders:
-        return raw_mesh({name: builders[name]}, scene.mesh)
-    return mesh_of_file(scene.file.parent, scene.mesh, file_parts(scene))
+        return raw_mesh({name: builders[name]}, mesh_settings(scene))
+    return mesh_of_file(grouped_file(scene.file.parent, scene.mesh), file_parts(scene))
 
 
 def _body(mesh: RawMesh, name: str, near: Array) -> RawMesh:

@@ -1,7 +1,7 @@
 """The error budget: a scene, and its variants in the order of what they tell per second.
 
 Of equal refinements nothing is known before: the cheapest is run first, and every setting is varied
-once before any is varied twice. Costs are the seconds that the scene took, scaled by ``costs.py``.
+once before any is varied twice. Costs are those that ``check`` estimates.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.checks import check, with_patch, with_pixels
-from brake_fenicsx.costs import scaled_seconds
+from brake_fenicsx.costs import calibrated_seconds, work_of_a_second
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
@@ -131,7 +131,7 @@ def plan(runs: Runs) -> tuple[list[Knob], list[Planned]]:
     """
     comm, scene = runs.comm, runs.read()
     path = runs.folder / REFERENCE / "summary.json"
-    sizes = json.loads(on_first(path.read_text, comm))
+    sizes, work = on_first(lambda: (json.loads(path.read_text()), work_of_a_second()), comm)
     stats = check(scene, comm)
     patch = 1e-3 * float(sizes["mean_patch_mm"])
     own = with_pixels(with_patch(scene, patch), stats)
@@ -156,7 +156,7 @@ def plan(runs: Runs) -> tuple[list[Knob], list[Planned]]:
                 break
             samples = {name: sample_count(other, name) for name in other.samples.approaches}
             size = sizes["dofs"] * variant.dofs, sizes["contact_elements"] * variant.elements
-            stages = scaled_seconds(sizes, other, samples, *size)
+            stages = calibrated_seconds(other, samples, *size, work)
             if laws_key(other) == laws_key(own):
                 stages.pop("micro", None)
             # Random heights are drawn for each point of a law.

@@ -9,16 +9,17 @@ import pytest
 
 from brake_fenicsx import prepare
 from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.mesh_files import grouped_file
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.draft.text import write_scene
 from brake_fenicsx.extras.measured.part_modes import part_body, part_modes
 from brake_fenicsx.geometry import block, disc, pad
 from brake_fenicsx.meshing.brake_mesh import raw_mesh
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.meshing.groups import mesh_of_file
 from brake_fenicsx.meshing.rawmesh import cell_facets, facet_keys, facet_nodes
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.mesh_section import MeshTable
 
 E, NU, RHO = 207e9, 0.3, 7820.0
 STEEL = "*MATERIAL, NAME=STEEL\n*ELASTIC\n207000., 0.3\n*DENSITY\n7.82e-9\n"
@@ -79,7 +80,7 @@ def made(folder, text, name="shim"):
 
 
 def raw(scene, path):
-    return mesh_of_file(path.parent, scene.mesh, scene.parts)
+    return mesh_of_file(grouped_file(path.parent, scene.mesh), scene.parts)
 
 
 def mass(scene):
@@ -153,7 +154,7 @@ def brake(order):
         "disc": (disc, disc.Disc(size=13e-3)),
         "pad": (pad, pad.Pad(shim=(1e-3,), shape="parallel", size=22e-3, plate_size=22e-3)),
     }
-    return raw_mesh(shapes, MeshTable(cells="hexahedra", order=order))
+    return raw_mesh(shapes, MeshSettings(cells="hexahedra", order=order))
 
 
 def without_shim(mesh):
@@ -282,7 +283,7 @@ def test_a_layer_on_solids_makes_one_body(cells, order, nodes, meshes, tmp_path)
     text = deck.read_text() + text + STEEL + said + SECTION.format("SHIM", "SNEG", 1.5)
     scene, _, _ = made(tmp_path, text, "pad")
     whole = {"pad": (block, block.Block(length=40e-3, width=20e-3, height=13.5e-3, size=4e-3))}
-    meshes.write_abaqus(raw_mesh(whole, MeshTable(cells="hexahedra")), tmp_path / "whole.inp")
+    meshes.write_abaqus(raw_mesh(whole, MeshSettings(cells="hexahedra")), tmp_path / "whole.inp")
     one = (tmp_path / "whole.inp").read_text() + STEEL + said.splitlines(keepends=True)[0]
     (tmp_path / "whole.inp").write_text(one)
     write_scene(tmp_path / "whole.inp", tmp_path / "whole.toml")

@@ -24,7 +24,6 @@ from brake_fenicsx.meshing.filemesh import FileMesh
 from brake_fenicsx.meshing.groups import layers_of
 from brake_fenicsx.meshing.rawmesh import RawMesh, cell_facets, facet_keys
 from brake_fenicsx.scene.keys import dotted
-from brake_fenicsx.scene.mesh_section import MeshTable
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -193,8 +192,7 @@ def bodies_of(found: FileMesh, sections: Iterable[str], metres: float) -> FilePa
         raise SceneError(f"no set of cells; write one for each part and layer{found.advice}")
     layers = _layer_names(found, groups)
     kinds = {group: ("cells", group) for group in groups}
-    table = MeshTable(groups=dict(layers))
-    mesh = layers_of(found, metres * found.points, found.cells, table, kinds)
+    mesh = layers_of(found, metres * found.points, found.cells, dict(layers), kinds)
     return FileParts(found, mesh, layers, {part: _boundary(mesh, part) for part in mesh.parts()})
 
 

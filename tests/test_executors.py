@@ -15,12 +15,12 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from brake_fenicsx import executor as workers
 from brake_fenicsx import prepare, run
 from brake_fenicsx.errors import BrakeError, NotConverged, SceneError
 from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.results.blocks import LARGE
-from brake_fenicsx.samples import executor as workers
 from coarse_block import BLOCK, ROUGH
 from processes import parallel
 

@@ -1,17 +1,4 @@
-"""What acts on faces as a whole: ties, springs between two faces, and rotational inertia.
-
-Mean displacement and mean rotation of a face: what springs between faces and inertia act on.
-
-The mean displacement is that over the area. The mean rotation theta about the centroid is that of
-the rigid motion nearest to the displacement u over the area,
-
-    S theta = integral of r x u,     S = integral of (r.r 1 - r r'),
-
-r from the centroid; both are exact where the face moves rigidly. One row each in x, y and z. A
-face of several bodies, such as that of two pads, has a mean motion on each of them.
-
-Springs, dashpots and masses that a scene adds to faces, in the axes of the faces' parts.
-"""
+"""Joints of a scene: ties, springs between two faces, and rotational inertia of a face."""
 
 from __future__ import annotations
 
@@ -22,101 +9,28 @@ from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.elasticity import Elastic
+from brake_fenicsx.macro.faces import Face, faces_of_bodies, gather_face
+from brake_fenicsx.macro.integrals import facet_areas
+from brake_fenicsx.macro.material import Material
+from brake_fenicsx.macro.mean_motion import (
+    check_size,
+    mean_displacement,
+    mean_of_nodes,
+    mean_rotation,
+)
+from brake_fenicsx.macro.solver import with_interface
+from brake_fenicsx.macro.tie import GluedFaces, tied_faces
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 
-from .elasticity import Elastic, FaceAddition
-from .faces import Face, faces_of_bodies, gather_face
-from .integrals import facet_areas, facet_rule
-from .material import Material
-from .solver import with_interface
-from .tie import GluedFaces, cross_matrix, tied_faces
+from .bodies import part_axes
 
-Array = NDArray[np.float64]
-# Nodes at most: all of them are coupled with each other.
-MOST_NODES = 4000
 logger = logging.getLogger(__name__)
 # Share of a face that its ties glue, below which it is said.
 GLUED = 0.95
-
-
-def mean_displacement(face: Face, size: int) -> sp.csr_matrix:
-    """Mean displacement of a face.
-
-    Args:
-        face: the face.
-        size: number of free dofs.
-
-    Returns:
-        Shape (3, size) [-].
-    """
-    area, _, shape = _points(face)
-    share = area @ shape / area.sum()
-    return _rows(face, share[..., None, None] * np.eye(3), size)
-
-
-def mean_of_nodes(J: sp.csr_matrix) -> sp.csr_matrix:
-    """Mean displacement of a set of nodes.
-
-    Args:
-        J: their displacements, node by node in x, y, z, shape (3 nodes, free dofs).
-
-    Returns:
-        Shape (3, free dofs) [-].
-    """
-    nodes = J.shape[0] // 3
-    return (sp.kron(np.full((1, nodes), 1 / nodes), sp.identity(3)) @ J).tocsr()
-
-
-def mean_rotation(face: Face, size: int) -> sp.csr_matrix:
-    """Mean rotation of a face about its centroid, small: rotation vector over displacement.
-
-    Args:
-        face: the face.
-        size: number of free dofs.
-
-    Returns:
-        Shape (3, size) [1/m].
-    """
-    area, r, shape = _points(face)
-    square = np.einsum("fq,fqc,fqd->cd", area, r, r)
-    S = np.trace(square) * np.eye(3) - square
-    moment = np.einsum("fq,qm,fqc->fmc", area, shape, r)
-    return _rows(face, np.linalg.solve(S, cross_matrix(moment)), size)
-
-
-def check_size(faces: list[Face]) -> None:
-    """Refuse faces whose mean motions would fill the matrix.
-
-    Raises:
-        SceneError: their number of nodes, the limit and the remedy.
-    """
-    nodes = sum(np.unique(face.number).size for face in faces)
-    if nodes > MOST_NODES:
-        raise SceneError(
-            f"{nodes} nodes of these faces, of which a mean motion couples each with all others;"
-            f" up to {MOST_NODES} can be: name a smaller face, or larger cells"
-        )
-
-
-def _points(face: Face) -> tuple[Array, Array, Array]:
-    """Areas [m^2], distances from the centroid [m] and shape functions at points of every facet."""
-    x, w = facet_rule(face.element.corners)
-    where, _, ratio = face.everywhere(x)
-    area = ratio * w
-    centre = np.einsum("fq,fqc->c", area, where) / area.sum()
-    return area, where - centre, face.element.shape(x)
-
-
-def _rows(face: Face, values: Array, size: int) -> sp.csr_matrix:
-    """Sum over the nodes of matrices times their displacements; held dofs have none."""
-    columns = np.broadcast_to(face.columns[:, :, None], values.shape)
-    rows = np.broadcast_to(np.arange(3)[:, None], values.shape)
-    free = (columns >= 0) & (values != 0)
-    return sp.csr_matrix((values[free], (rows[free], columns[free])), shape=(3, size))
 
 
 def joined_bodies(
@@ -242,28 +156,3 @@ def _on_bodies(mesh: Mesh, elastic: Elastic, name: str) -> list[tuple[Face, floa
     faces = faces_of_bodies(elastic.free, gather_face(mesh, elastic.free, name))
     areas = np.array([facet_areas(face).sum() for face in faces])
     return [*zip(faces, areas / areas.sum(), strict=True)]
-
-
-def added_to_face(scene: Scene, face: str) -> FaceAddition:
-    """Springs, dashpots and mass that a scene adds to a face, in x, y, z axes."""
-    spring, mass = scene.springs.get(face), scene.masses.get(face)
-    turn, none = part_axes(scene, face), np.zeros(3)
-
-    def turned(values: tuple[float, ...] | None) -> Array:
-        return np.asarray(turn @ np.diag(none if values is None else values) @ turn.T)
-
-    given = (
-        (None, None, None)
-        if spring is None
-        else (spring.stiffness, spring.stiffness_per_area, spring.damping)
-    )
-    total, bedding, damping = map(turned, given)
-    return FaceAddition(face, total, 0.0 if mass is None else mass.mass, bedding, damping)
-
-
-def part_axes(scene: Scene, face: str) -> Array:
-    """Axes 1, 2 and z of the part of a face as columns, shape (3, 3)."""
-    part = scene.parts.get(face.partition(".")[0])
-    angle = 0.0 if part is None else part.axis
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

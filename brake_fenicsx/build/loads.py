@@ -3,7 +3,8 @@
 Pressures and forces are dead: they do not turn with the face.
 
 A force F and a moment m about the centroid of the face are spread as the traction whose virtual
-work is F . mean displacement + m . mean rotation (``mean_motion``): uniform, and linear in x, y, z.
+work is F . mean displacement + m . mean rotation (``macro.mean_motion``): uniform, and linear in x,
+y, z.
 A displacement g of held dofs, zero elsewhere, gives u = u' + g and the load -K g on the free dofs.
 """
 
@@ -14,14 +15,22 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.build.material_table import layer_materials, scene_materials
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.elasticity import (
+    COMPONENTS,
+    Elastic,
+    FreeDofs,
+    face_area,
+    stiffness_action,
+    unit_loads,
+)
+from brake_fenicsx.macro.faces import faces_of_bodies, gather_face
+from brake_fenicsx.macro.mean_motion import mean_displacement, mean_of_nodes, mean_rotation
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 
-from .elasticity import COMPONENTS, Elastic, FreeDofs, face_area, stiffness_action, unit_loads
-from .faces import faces_of_bodies, gather_face
-from .joints import mean_displacement, mean_of_nodes, mean_rotation, part_axes
+from .bodies import part_axes
+from .material_table import layer_materials, scene_materials
 
 Array = NDArray[np.float64]
 
