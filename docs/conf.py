@@ -5,12 +5,12 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from brake_fenicsx.scene.keys import json_schema
 from sphinx.application import Sphinx
 
 import brake_fenicsx
 from brake_fenicsx import macro, micro
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.keys import json_schema
 
 # Names that are imported on use, so that autodoc finds them.
 for package in (macro, micro):
