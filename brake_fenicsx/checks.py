@@ -44,7 +44,7 @@ def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
 
         check_brake(scene, comm)
         if any(changes_bodies(scene, name) for name in scene.varied):
-            from brake_fenicsx.build.changes import check_box
+            from brake_fenicsx.build.box import check_box
 
             check_box(scene)
     return stats

@@ -142,8 +142,8 @@ class Case:
             C = C + self.terms.bulk
         if self.random is not None:
             values = self.random.box.values(x)
-            K = K + self.random.stiffness_change(values)
-            C = C + self.random.damping_change(values)
+            K = K + self.random.change(values, "K")
+            C = C + self.random.change(values, "C")
         C = C + sliding_damping(b.R, b.w, contact.across * V, V + 0 * b.w, 1.0)
         C = (C + velocity_slope(b.T, b.w, contact.along, 1.0)).tocsr()
         C.eliminate_zeros()

@@ -144,6 +144,8 @@ MISTAKES = [
     ("materials.iron.rho='7800 Kg/m^3'", "unknown unit 'Kg'", "did you mean 'kg'?"),
     ("materials.iron.E='125 bananas'", "unknown unit 'bananas'", "write pressure or modulus"),
     ("materials.iron.E=stiff", "not a quantity", "pressure or modulus"),
+    ("materials.iron.E=GPa", "not a quantity", "pressure or modulus"),
+    ("materials.iron.rho=kg/m^3", "not a quantity", "density"),
     ("stability.threshold=-0.01", "zero or more", "damping below -0.01"),
     ("stability.damping.modal={ ratio=0.02 }", "'ratio' is no part", "PART one of block, plate"),
     ("micro={ hardness='1 Pa' }", "micro.hardness = 1 Pa", "correct the unit"),

@@ -16,6 +16,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.condensation import Compliance
 from brake_fenicsx.macro.contact import Contact, join
 from brake_fenicsx.macro.elasticity import Elastic
+from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.stuck import Stuck, stick
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
@@ -45,6 +46,7 @@ class Brake:
         stuck: interfaces whose faces stick, by name; their springs are in the stiffness.
         faced: interface -> area of its first face that lies opposite to the second, and the whole
             area of the first [m^2], regardless of its zone.
+        materials: layer, "part.layer" -> its material in x, y, z.
     """
 
     mesh: Mesh
@@ -57,6 +59,7 @@ class Brake:
     compliance: Compliance | None = None
     stuck: dict[str, Stuck] = field(default_factory=dict)
     faced: dict[str, tuple[float, float]] = field(default_factory=dict)
+    materials: dict[str, Material] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """One line."""
@@ -149,9 +152,10 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     vectors, sizes = load_vectors(scene, mesh, elastic)
     pressed = pressing(scene, mesh, float(contact.w.sum()))
     moved = lift(scene, mesh, elastic.free)
+    materials = layer_materials(scene, mesh.layers)
     return Brake(
         mesh, elastic, contact, vectors @ sizes, pressed, vectors, moved, stuck=stuck,
-        faced=faced,
+        faced=faced, materials=materials,
     )  # fmt: skip
 
 
@@ -182,4 +186,4 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
                 f"{scene.file}: {where} = {face!r}: a set of nodes has no area; name a face of a"
                 " part with a mesh, to which the set is tied"
             )
-    layer_materials(scene, materials, check_mesh(scene, faces, comm))
+    layer_materials(scene, check_mesh(scene, faces, comm), materials)

@@ -1,276 +1,115 @@
-"""Bodies that change from sample to sample: random and swept materials, lengths and damping.
+"""Matrices of a brake by the scalars of its scene: materials, lengths, masses and damping.
 
 The stiffness is linear in the C_ij of every material, the mass in its densities and in masses on
 faces, the damping in its scalars, and all are sums of a few functions of a length
-(``macro.stretching``, ``macro.morphing``): the matrices are assembled once, and a sample's are sums
-of them. The scalars of nearly all samples lie in a box that their distributions and the values of a
-sweep span; the reduced model is interpolated over it.
+(``macro.stretching``, ``macro.morphing``). So the matrices of a sample are those of the scene and
+
+    sum_j  (m_j(values) - m_j(scene)) A_j,
+
+of matrices A_j that are assembled once and multiples m_j of the values, one row of a table each:
+
+    C_ij of a material              (C_ij(values) - C_ij(scene)) f(lengths)     stiffness
+    layers that a length changes    f(lengths)                                  stiffness
+    density                         rho(values) / rho(scene) f(lengths)         mass, turning layers
+    mass on a face                  the mass                                    mass
+    Rayleigh, loss factor, speed    the scalar                                  damping
+
+The damping takes a share of every change of stiffness and mass beside.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.build.brake import Brake
-from brake_fenicsx.build.distributions import quantile
-from brake_fenicsx.build.interfaces import scene_motion
-from brake_fenicsx.build.material_table import (
-    STIFFNESSES,
-    by_material,
-    constants,
-    layer_materials,
-    material_of,
-    nominal_value,
-    scene_materials,
-    stiffness,
-    varied_stiffness,
-)
-from brake_fenicsx.errors import InaccurateResult, SceneError
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import affine_parts, face_mass
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material import rotate_about_z
 from brake_fenicsx.macro.matrix_series import Power
-from brake_fenicsx.macro.stretching import Assembly
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import turning_parts
-from brake_fenicsx.scene.samples_section import is_constant, split_key, unit_of
-from brake_fenicsx.scene.scalars import SPEED, changes_bodies, is_inertia, is_length
-from brake_fenicsx.scene.sweep_section import Range
+from brake_fenicsx.scene.samples_section import is_constant, split_key
+from brake_fenicsx.scene.scalars import SPEED, is_inertia, is_length
+from brake_fenicsx.stability.damping_matrices import gyroscopic
 
-from .lengths import Shapes, lengths_in, shapes_of
+from .box import Box, softening
+from .brake import Brake
+from .damping_terms import damping_slope, mass_share, stiffness_share
+from .interfaces import scene_motion
+from .lengths import Shape, Shapes, lengths_in, shapes_of
+from .material_table import (
+    STIFFNESSES,
+    by_material,
+    constants,
+    material_of,
+    stiffness,
+    varied_stiffness,
+)
 from .moving_contact import MovingContact
+from .values import Values
 
 if TYPE_CHECKING:
     from brake_fenicsx.stability.substructures import Parameters
 
 Array = NDArray[np.float64]
+Of = Callable[[Values], float]
 
 # Voigt indices of the nine orthotropic stiffnesses.
 VOIGT = {name: (int(name[1]) - 1, int(name[2]) - 1) for name in STIFFNESSES["orthotropic"]}
-
-TURNING = "turning"
-
-Split = Callable[[Mesh, Assembly], dict[Power, sp.csr_matrix]]
-
-# Probability of a constant beyond either end of the box, and how far from its centre, in half
-# widths, a sample may lie and still be taken.
-TAIL, BEYOND = 1e-3, 1.1
+# Rows of the coefficients: stiffness, damping, mass.
+ROWS = "KCM"
 
 
-class Box:
-    """The box that the scalars of the bodies of nearly all samples, and of a sweep, lie in.
-
-    Moduli E enter as E^-1/2, between the bending of layers, which goes with 1/E, and the
-    indentation of a transversely isotropic half-space, which goes with the root of a product of
-    moduli: one degree less than with 1/E reaches the same error, two less than with E. Lengths
-    h enter as ln h, between compression, which goes with h, and bending, with h^-3: on a block over
-    a factor of two the largest error is 9e-5 so, 2.5e-3 with h, 1.1e-3 with 1/h.
-    """
-
-    def __init__(self, scene: Scene):
-        """Span the box by the distributions and the swept values of the scalars."""
-        self._scene = scene
-        self.names: list[str] = [n for n in scene.varied if changes_bodies(scene, n)]
-        ends = []
-        for name in self.names:
-            values = [_scaled(name, v) for v in _spanning(scene, name)]
-            ends.append((min(values), max(values)))
-        box: Array = np.array(ends).reshape(-1, 2)
-        self.low: Array = box[:, 0]
-        self.high: Array = box[:, 1]
-
-    def point(self, drawn: Mapping[str, float]) -> Array:
-        """A sample's point of [-1, 1]^d; scalars that are not drawn have the scene's value."""
-        values = [
-            _scaled(n, drawn[n] if n in drawn else nominal_value(self._scene, n))
-            for n in self.names
-        ]
-        width = np.where(self.high > self.low, self.high - self.low, 1.0)
-        return np.asarray((2 * np.array(values) - self.low - self.high) / width)
-
-    def holds(self, drawn: Mapping[str, float]) -> bool:
-        """Whether a sample lies in the box or hardly beyond it."""
-        return bool(np.all(np.abs(self.point(drawn)) <= BEYOND))
-
-    def span(self, name: str) -> tuple[float, float]:
-        """Lowest and highest value of a scalar that samples are taken with, the scene's too."""
-        i, usual = self.names.index(name), nominal_value(self._scene, name)
-        beyond = 0.5 * (BEYOND - 1) * (self.high[i] - self.low[i])
-        ends = [_unscaled(name, v) for v in (self.low[i] - beyond, self.high[i] + beyond)]
-        return min(*ends, usual), max(*ends, usual)
-
-    def part(self, name: str, share: float) -> tuple[float, float]:
-        """Ends of a part of the range of a scalar, SI: about its middle, or as near as may be.
-
-        The range of a sweep has the scene's own value in it.
-        """
-        i, middle = self.names.index(name), 0.0
-        if self._scene.sweep is not None:
-            middle = float(np.clip(0.0, *(self.point({})[i] + share * np.array([-1.0, 1.0]))))
-        axis = np.eye(len(self.names))[i]
-        ends = [self.values((middle + side) * axis)[name] for side in (-share, share)]
-        return min(ends), max(ends)
-
-    def values(self, x: Array) -> dict[str, float]:
-        """The scalars at a point of the box, SI."""
-        scaled = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * x
-        return {n: _unscaled(n, v) for n, v in zip(self.names, scaled, strict=True)}
-
-    def materials(self, x: Array) -> dict[str, Array]:
-        """Stiffness of the materials at a point of the box [Pa], each of shape (6, 6)."""
-        return changed_materials(self._scene, self.values(x))
-
-
-def softening(box: Box) -> float:
-    """Least r with K(x) >= r K(0) at any one thickness, as quadratic forms: of the C(x).
-
-    Raises:
-        InaccurateResult: a material is not positive definite at the centre of the box or a corner.
-    """
-    centre, least = np.zeros(len(box.names)), 1.0
-    corners = product(*((-1.0, 1.0) if is_constant(n) else (0.0,) for n in box.names))
-    usual = _definite(box, centre)
-    for corner in corners:
-        for name, C in _definite(box, np.array(corner)).items():
-            least = min(least, float(la.eigvalsh(C, usual[name])[0]))
-    return least
-
-
-def _definite(box: Box, x: Array) -> dict[str, Array]:
-    """Stiffness of the materials at a point of the box, all positive definite."""
-    found = box.materials(x)
-    for name, C in found.items():
-        if not la.eigvalsh(C)[0] > 0:
-            own = (n for n in box.names if split_key(n)[1] == name)
-            values = ", ".join(f"{n} = {box.values(x)[n]:.3g} {unit_of(n)}" for n in own)
-            raise InaccurateResult(
-                f"materials.{name} is not positive definite everywhere in the range of its values,"
-                f" with {values} for example; narrow the range"
-            )
-    return found
-
-
-def check_box(scene: Scene) -> None:
-    """Refuse ranges of random and swept scalars that hold no material or no length.
-
-    Raises:
-        SceneError: the key and the remedy.
-    """
-    stability = scene.stability if "stability" in scene.stages else None
-    try:
-        box = Box(scene)
-        if stability and (stability.method, stability.on_tolerance) == ("reduced", "warn"):
-            softening(box)
-    except InaccurateResult as error:
-        raise SceneError(f'{scene.file}: stability.method = "reduced": {error}') from None
-    except SceneError as error:
-        raise SceneError(f"{scene.file}: {error}") from None
-
-
-def changed_materials(scene: Scene, values: Mapping[str, float]) -> dict[str, Array]:
-    """Stiffness [Pa] of the materials of which some constants are given, each of shape (6, 6)."""
-    return {m: varied_stiffness(scene.materials[m], c) for m, c in by_material(values).items()}
-
-
-def _spanning(scene: Scene, name: str) -> list[float]:
-    """Values of a scalar that lie in the box; a sweep has the scene's own brake in it too."""
-    law, nominal = scene.samples.random.get(name), nominal_value(scene, name)
-    values: list[float] = []
-    if law is not None:
-        values += map(float, quantile(law, [TAIL, 1 - TAIL], nominal))
-    if scene.sweep is not None:
-        values += [nominal, *scene.sweep.parameters.get(name, Range()).points]
-    least = min(values)
-    possible = least >= 0 if name.endswith(".mass") else least > 0
-    if not possible and (is_length(name) or is_inertia(name) or _is_modulus(name)):
-        where = 'samples.random."{}"' if law is not None else 'sweep.parameters."{}"'
-        raise SceneError(
-            f"{where.format(name)}: the law reaches {least:.3g} {unit_of(name)} with a probability"
-            f" of {TAIL:g}; write a positive min, or a smaller sd"
-        )
-    return values
-
-
-def _scaled(name: str, value: float) -> float:
-    """E^-1/2 of a modulus, the logarithm of a thickness, any other constant itself."""
-    if is_length(name):
-        return float(np.log(value))
-    return value**-0.5 if _is_modulus(name) and value > 0 else value
-
-
-def _unscaled(name: str, value: float) -> float:
-    """The constant of a scaled value."""
-    if is_length(name):
-        return float(np.exp(value))
-    return value**-2.0 if _is_modulus(name) and value > 0 else value
-
-
-def _in_bodies(name: str) -> bool:
-    """Whether a scalar of the bodies enters stiffness or mass, and not their damping alone."""
-    return is_constant(name) or is_length(name) or is_inertia(name)
-
-
-def _is_modulus(name: str) -> bool:
-    """Whether a constant is positive: E, G, or on the diagonal of the stiffness."""
-    constant = split_key(name)[2]
-    return constant[0] in "EG" or (constant[0] == "C" and constant[1] == constant[2])
-
-
-class Term(NamedTuple):
-    """What a matrix that the bodies have a changing multiple of belongs to.
+@dataclass(frozen=True, slots=True, eq=False)
+class Term:
+    """A row of the table.
 
     Attributes:
-        material: the material, or the dotted key of a mass.
-        constant: C_ij of which it is a unit change; "" for its stiffness in the scene, "rho" for
-            its mass, "turning" for its gyroscopic term, "mass" for 1 kg on a face.
-        lengths: scalars that the layers follow; none of the other layers of the material.
-        power: number of the function of these lengths.
+        matrix: A_j: stiffness [N/m], of a C_ij [N/m per Pa], damping [N s/m] or mass [kg].
+        enters: "K", "C" or "M".
+        constant: the C_ij of which it is a unit change; "" of another one.
+        multiple: m_j.
+        share: of a change of the multiple, what the damping takes [s or 1/s].
     """
 
-    material: str
+    matrix: sp.csr_matrix
+    enters: str
     constant: str
-    lengths: tuple[str, ...] = ()
-    power: Power = ()
+    multiple: Of
+    share: Of
 
 
 @dataclass(frozen=True, slots=True)
 class ChangingBodies:
-    """What changes in the bodies, as multiples of matrices.
+    """What the scalars of a scene change in its matrices.
 
     Attributes:
         scene: the scene.
         box: the box of the scalars that the bodies depend on.
-        nominal: changed material -> its stiffness in the scene [Pa], shape (6, 6).
-        changes: term -> stiffness [N/m], of a C_ij [N/m per Pa], mass [kg], or gyroscopic term
-            [N s/m].
-        slopes: scalar that the damping alone depends on -> its unit change [N s/m].
+        terms: the table.
         shapes: lengths of the same layers, by their dotted keys -> what they do.
         contact: the contact elements, which some of these move.
     """
 
     scene: Scene
     box: Box
-    nominal: dict[str, Array]
-    changes: dict[Term, sp.csr_matrix]
-    slopes: dict[str, sp.csr_matrix]
+    terms: list[Term]
     shapes: Shapes
     contact: MovingContact
 
     @property
     def matrices(self) -> list[sp.csr_matrix]:
-        """Those of the stiffness and the mass, then those of the damping alone."""
-        return [*self.changes.values(), *self.slopes.values()]
+        """A_j."""
+        return [term.matrix for term in self.terms]
 
     @property
     def parameters(self) -> Parameters:
@@ -281,8 +120,8 @@ class ChangingBodies:
         shapes = tuple(i for i, n in enumerate(names) if is_length(n) or is_inertia(n))
         sliding = tuple(i for i, name in enumerate(names) if name in self.contact.names)
         return Parameters(
-            len(names), self.coefficients, softening(self.box), shapes, sliding,
-            self._contact if sliding else None, tuple(names),
+            len(names), lambda x: self.coefficients(self.box.values(x)), softening(self.box),
+            shapes, sliding, self._contact if sliding else None, tuple(names),
         )  # fmt: skip
 
     def _contact(self, x: Array) -> tuple[dict[str, sp.csr_matrix], Array]:
@@ -310,73 +149,28 @@ class ChangingBodies:
                         f" {low:.4g} to {high:.4g} m; widen that, or write min and max of the law"
                     )
 
-    def coefficients(self, x: Array) -> Array:
-        """Coefficients of the matrices at a point of the box; see ``coefficients_of``."""
-        return self.coefficients_of(self.box.values(x))
-
-    def coefficients_of(self, values: Mapping[str, float]) -> Array:
+    def coefficients(self, values: Mapping[str, float]) -> Array:
         """Coefficients of the matrices in stiffness, damping and mass, shape (3, matrices).
 
         Args:
             values: scalars that differ from the scene, by dotted key, SI.
         """
-        C = {**self.nominal, **changed_materials(self.scene, values)}
-        out, shares = np.zeros((3, len(self.matrices))), self._shares(values)
-        heavier = {
-            split_key(n)[1]: v / nominal_value(self.scene, n)
-            for n, v in values.items()
-            if n in self.box.names and split_key(n)[2] == "rho"
-        }
-        for j, (material, constant, names, power) in enumerate(self.changes):
-            factor, usual_factor, is_mass = 1.0, 1.0, constant in ("rho", "mass")
-            inertia = constant in ("rho", TURNING)
-            if shape := self.shapes.get(names):
-                at = lengths_in(names, shape, values)
-                factor = shape.factor(power, at, inertia)
-                usual_factor = shape.factor(power, shape.usual, inertia)
-            if constant in VOIGT:
-                change = factor * (C[material] - self.nominal[material])[VOIGT[constant]]
-            elif constant == "mass":
-                usual = nominal_value(self.scene, material)
-                change = values.get(material, usual) - usual
-            else:
-                change = factor * (heavier.get(material, 1.0) if inertia else 1.0) - usual_factor
-            if constant == TURNING:
-                usual = nominal_value(self.scene, SPEED)
-                out[1, j] = change * values.get(SPEED, usual) / usual
-                continue
-            out[2 if is_mass else 0, j] = change
-            out[1, j] = change * shares["" if is_mass else material]
-        for j, name in enumerate(self.slopes, len(self.changes)):
-            usual = nominal_value(self.scene, name)
-            out[1, j] = values.get(name, usual) - usual
+        here, usual = Values.of(self.scene, values), Values(self.scene)
+        out = np.zeros((3, len(self.terms)))
+        for j, term in enumerate(self.terms):
+            out[ROWS.index(term.enters), j] = change = term.multiple(here) - term.multiple(usual)
+            out[1, j] = change * term.share(here)
         return out
 
-    def stiffness_change(self, values: Mapping[str, float]) -> sp.csr_matrix:
-        """What some scalars, by dotted key, SI, add to the stiffness of the scene [N/m]."""
-        return self.combined(self.coefficients_of(values)[0])
+    def change(self, values: Mapping[str, float], which: str) -> sp.csr_matrix:
+        """What some scalars add to a matrix of the scene.
 
-    def damping_change(self, values: Mapping[str, float]) -> sp.csr_matrix:
-        """What they add to the damping of the scene's bodies [N s/m]."""
-        return self.combined(self.coefficients_of(values)[1])
-
-    def mass_change(self, values: Mapping[str, float]) -> sp.csr_matrix:
-        """What they add to the mass [kg]."""
-        return self.combined(self.coefficients_of(values)[2])
-
-    def _shares(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Share that the damping takes of the stiffness of each material [s], "": of the mass."""
-        from brake_fenicsx.build.damping_terms import mass_share, stiffness_share
-
-        materials = {term.material for term in self.changes if term.constant != "mass"}
-        shares = {m: stiffness_share(self.scene, m, values) for m in materials}
-        return shares | {"": mass_share(self.scene, values)}
-
-    def combined(self, coefficients: Array) -> sp.csr_matrix:
-        """Sum of multiples of the matrices."""
-        parts = self.matrices
-        none = sp.csr_matrix(parts[0].shape)
-        return sum((c * part for c, part in zip(coefficients, parts, strict=True) if c), none)
+        Args:
+            values: by dotted key, SI.
+            which: "K" [N/m], "C" [N s/m] or "M" [kg].
+        """
+        parts = [*zip(self.coefficients(values)[ROWS.index(which)], self.matrices, strict=True)]
+        return sum((c * part for c, part in parts if c), sp.csr_matrix(parts[0][1].shape))
 
 
 def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
@@ -389,68 +183,132 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
     Raises:
         SceneError: a face in use grows with a thickness.
     """
-    mesh, free = brake.mesh, brake.elastic.free
-    varied, box = by_material(dict.fromkeys(scene.varied)), Box(scene)
-    shapes = shapes_of(scene, mesh, {n: box.span(n) for n in filter(is_length, box.names)})
-    shaped = {layer: names for names, shape in shapes.items() for layer in shape.layers}
-    densities = {split_key(n)[1] for n in box.names if split_key(n)[2] == "rho"}
-    found: dict[Term, sp.csr_matrix] = {}
-
-    def assemble(changes: Mapping[str, Array]) -> sp.csr_matrix:
-        return affine_parts(mesh, free, [changes])[0]
-
-    def weigh(density: Mapping[str, float]) -> sp.csr_matrix:
-        return sum(layer_masses(mesh, free, density, lumped).values())
-
-    def follow(term: Term, split: Split, make: Callable[..., sp.csr_matrix], own: Any) -> None:
-        for power, matrix in split(mesh, partial(make, own)).items():
-            # The matrices of the scene have what depends neither on a length nor on a density.
-            dense = term.constant in ("rho", TURNING) and term.material in densities
-            if any(power) or term.constant in VOIGT or dense:
-                found[term._replace(power=power)] = matrix
-
-    for material, constants_of in varied.items():
-        for constant in moved_entries(scene, material, [*constants_of]):
-            changes = unit_change(scene, mesh, material, constant)
-            for names in ((), *shapes):
-                own = {layer: C for layer, C in changes.items() if shaped.get(layer, ()) == names}
-                if own:
-                    split = shapes[names].stiffness if names else _whole
-                    follow(Term(material, constant, names), split, assemble, own)
-    lumped, turns, motion = scene.mesh.mass == "lumped", turning_parts(scene), scene_motion(scene)
-    layers, groups = layer_materials(scene, scene_materials(scene), mesh.layers), dict[Any, Any]()
-    for layer, m in layers.items():
-        material, names = material_of(scene, layer), shaped.get(layer, ())
-        if names or material in densities:
-            groups.setdefault((material, names), {})[layer] = m
-    for (material, names), own in groups.items():
-        term, inertia = Term(material, "", names), shapes[names].inertia if names else _whole
-        if names:
-            follow(term, shapes[names].stiffness, assemble, {n: m.C for n, m in own.items()})
-        follow(term._replace(constant="rho"), inertia, weigh, {n: m.rho for n, m in own.items()})
-        turning = {n: m.rho for n, m in own.items() if n.partition(".")[0] in turns}
-        if turning and isinstance(motion, Rotation):
-            from brake_fenicsx.stability.damping_matrices import gyroscopic
-
-            turn = partial(gyroscopic, mesh, free, rotation=motion)
-            follow(term._replace(constant=TURNING), inertia, turn, turning)
-    for name in box.names:
-        if split_key(name)[2] == "mass":
-            found[Term(name, "mass")] = face_mass(mesh, free, split_key(name)[1], lumped)
-    _share_patterns([*found.values()])
-    slopes: dict[str, sp.csr_matrix] = {}
-    if damping := [n for n in box.names if not _in_bodies(n)]:
-        from brake_fenicsx.build.damping_terms import damping_slopes
-
-        slopes = damping_slopes(scene, brake, damping)
-    nominal = {name: stiffness(scene.materials[name]) for name in varied}
-    contact = MovingContact(scene, brake, shapes)
-    return ChangingBodies(scene, box, nominal, found, slopes, shapes, contact)
+    box = Box(scene)
+    ranges = {name: box.span(name) for name in filter(is_length, box.names)}
+    shapes = shapes_of(scene, brake.mesh, ranges)
+    table = _Table(scene, brake, box, shapes)
+    terms = [*table.moduli(), *table.layers()]
+    _share_patterns([term.matrix for term in terms])
+    terms += table.scalars()
+    return ChangingBodies(scene, box, terms, shapes, MovingContact(scene, brake, shapes))
 
 
-def _whole(_: Mesh, assemble: Assembly) -> dict[Power, sp.csr_matrix]:
-    """A matrix of layers that no length changes."""
-    return {(): assemble()}
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """Rows of the table, kind by kind."""
+
+    scene: Scene
+    brake: Brake
+    box: Box
+    shapes: Shapes
+
+    def moduli(self) -> Iterator[Term]:
+        """The C_ij that random and swept constants move."""
+        for material, names in by_material(dict.fromkeys(self.scene.varied)).items():
+            share = partial(stiffness_share, self.scene, material)
+            for constant in moved_entries(self.scene, material, [*names]):
+                changes = unit_change(self.scene, self.brake.mesh, material, constant)
+                amount = partial(Values.moved, material=material, ij=VOIGT[constant])
+                for lengths in ((), *self.shapes):
+                    own = {n: C for n, C in changes.items() if self._lengths(n) == lengths}
+                    yield from self._rows("K", own, lengths, amount, share, constant)
+
+    def layers(self) -> Iterator[Term]:
+        """Stiffness, mass and gyroscopic term of layers that a length or a density changes."""
+        dense = {split_key(n)[1] for n in self.box.names if split_key(n)[2] == "rho"}
+        turns, groups = list[str](), dict[Any, Any]()
+        if isinstance(scene_motion(self.scene), Rotation):
+            turns = turning_parts(self.scene)
+        for layer, m in self.brake.materials.items():
+            material, lengths = material_of(self.scene, layer), self._lengths(layer)
+            if lengths or material in dense:
+                groups.setdefault((material, lengths), {})[layer] = m
+        for (material, lengths), own in groups.items():
+            # The matrices of the scene have what depends on neither length nor density.
+            fixed, share = material in dense, partial(stiffness_share, self.scene, material)
+            ratio = partial(Values.ratio, name=f"materials.{material}.rho")
+            rho = {layer: m.rho for layer, m in own.items()}
+            turning = {n: value for n, value in rho.items() if n.partition(".")[0] in turns}
+            C = {layer: m.C for layer, m in own.items()} if lengths else {}
+            yield from self._rows("K", C, lengths, _one, share, fixed=False)
+            yield from self._rows("M", rho, lengths, ratio, self._mass_share, fixed=fixed)
+            faster = partial(Values.ratio, name=SPEED)
+            yield from self._rows("C", turning, lengths, ratio, faster, fixed=fixed)
+
+    def scalars(self) -> Iterator[Term]:
+        """Masses on faces, and what the damping alone depends on."""
+        for name in self.box.names:
+            amount = partial(Values.value, name=name)
+            if split_key(name)[2] == "mass":
+                given = self.brake.elastic.free, split_key(name)[1], self._lumped
+                yield Term(face_mass(self.brake.mesh, *given), "M", "", amount, self._mass_share)
+            elif not _in_bodies(name):
+                yield Term(damping_slope(self.scene, self.brake, name), "C", "", amount, _one)
+
+    def _rows(
+        self, enters: str, given: Mapping[str, Any], lengths: tuple[str, ...], amount: Of,
+        share: Of, constant: str = "", fixed: bool = True,
+    ) -> Iterator[Term]:  # fmt: skip
+        """A row for each function of some lengths; ``fixed``: for the constant one too.
+
+        Args:
+            enters: see ``Term``.
+            given: layer -> stiffness [Pa], or density [kg/m^3].
+            lengths: that the layers follow.
+            amount: what the function is multiplied by.
+            share: see ``Term``.
+            constant: likewise.
+            fixed: see above.
+        """
+        make, shape = partial(self._matrix, enters, given), self.shapes.get(lengths)
+        if not given or (shape is None and not fixed):
+            return
+        split = {(): make()}
+        if shape is not None:
+            split = (shape.stiffness if enters == "K" else shape.inertia)(self.brake.mesh, make)
+        for power, A in split.items():
+            if fixed or any(power):
+                multiple = partial(_multiple, shape, lengths, power, enters != "K", amount)
+                yield Term(A, enters, constant, multiple, share)
+
+    def _matrix(self, enters: str, given: Mapping[str, Any]) -> sp.csr_matrix:
+        """Stiffness, gyroscopic term or mass of some layers."""
+        mesh, free, motion = self.brake.mesh, self.brake.elastic.free, scene_motion(self.scene)
+        if enters == "K":
+            return affine_parts(mesh, free, [given])[0]
+        if enters == "C" and isinstance(motion, Rotation):
+            return gyroscopic(mesh, free, given, motion)
+        return sum(layer_masses(mesh, free, given, self._lumped).values())
+
+    def _lengths(self, layer: str) -> tuple[str, ...]:
+        """Lengths that a layer follows."""
+        return next((names for names, s in self.shapes.items() if layer in s.layers), ())
+
+    @property
+    def _lumped(self) -> bool:
+        return self.scene.mesh.mass == "lumped"
+
+    def _mass_share(self, values: Values) -> float:
+        return mass_share(self.scene, values)
+
+
+def _multiple(
+    shape: Shape | None, lengths: tuple[str, ...], power: Power, inertia: bool, amount: Of,
+    values: Values,
+) -> float:  # fmt: skip
+    """A function of some lengths times an amount."""
+    if shape is None:
+        return amount(values)
+    return shape.factor(power, lengths_in(lengths, shape, values), inertia) * amount(values)
+
+
+def _one(_: Values) -> float:
+    return 1.0
+
+
+def _in_bodies(name: str) -> bool:
+    """Whether a scalar of the bodies enters stiffness or mass, and not their damping alone."""
+    return is_constant(name) or is_length(name) or is_inertia(name)
 
 
 def _share_patterns(matrices: list[sp.csr_matrix]) -> None:

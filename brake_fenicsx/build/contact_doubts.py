@@ -14,7 +14,7 @@ from brake_fenicsx.meshing.rawmesh import EDGES, RawMesh
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.units import quantity_text
 
-from .material_table import layer_materials, scene_materials
+from .material_table import layer_materials
 
 # Nodes of a wavelength below which a mesh is too coarse for it.
 NODES = 6.0
@@ -36,7 +36,7 @@ def resolution_doubts(scene: Scene, mesh: Mesh) -> Iterator[str]:
     if scene.stability is None or "stability" not in scene.stages or mesh.raw is None:
         return
     end, raw = float(scene.stability.band[1]), mesh.raw
-    materials = layer_materials(scene, scene_materials(scene), list(mesh.layers))
+    materials = layer_materials(scene, mesh.layers)
     for part in raw.parts():
         own = [layer for layer in raw.layers if layer.partition(".")[0] == part]
         thick = {layer: _thickness(raw, layer) for layer in own}

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.elasticity import affine_parts
-from brake_fenicsx.macro.friction import Rotation
+from brake_fenicsx.macro.friction import Friction, Rotation
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import (
@@ -43,6 +43,7 @@ from brake_fenicsx.scene.approaches import (
     turning_parts,
 )
 from brake_fenicsx.scene.samples_section import split_key
+from brake_fenicsx.scene.scalars import SPEED
 from brake_fenicsx.scene.stability_section import Damping, ModalDamping
 from brake_fenicsx.stability.damping_matrices import (
     gyroscopic,
@@ -56,7 +57,7 @@ from brake_fenicsx.stability.substructures.substructure import ModalRatio
 
 from .brake import Brake
 from .interfaces import scene_motion
-from .material_table import layer_materials, material_of, scene_materials
+from .material_table import material_of
 
 Array = NDArray[np.float64]
 RAYLEIGH = ("stability.damping.rayleigh.alpha", "stability.damping.rayleigh.beta")
@@ -68,13 +69,33 @@ class Terms:
 
     Attributes:
         bulk: those of the bodies [N s/m], whole on this process; None if there are none.
-        sliding: whether friction turns with the direction of sliding.
-        slope: whether it changes with the speed.
+        turns: whether friction turns with the direction of sliding.
+        falls: whether it changes with the speed.
     """
 
-    bulk: sp.csr_matrix | None
-    sliding: bool
-    slope: bool
+    bulk: sp.csr_matrix | None = None
+    turns: bool = False
+    falls: bool = False
+
+    def matrix(
+        self, contact: Contact, friction: Friction, p: Array, change: sp.csr_matrix | None = None
+    ) -> sp.csr_matrix | None:
+        """Damping of one sample at its equilibrium, C [N s/m]; None where nothing damps it.
+
+        Args:
+            contact: contact elements.
+            friction: of these.
+            p: pressures at equilibrium [Pa], shape (elements,).
+            change: what the sample adds to the damping of the scene's bodies [N s/m].
+        """
+        mu, parts = friction.mu, [] if self.bulk is None else [self.bulk]
+        if change is not None and change.nnz:
+            parts.append(change)
+        if self.turns and np.any(mu * p):
+            parts.append(sliding_damping(contact.R, contact.w, p, friction.speed, mu))
+        if self.falls and np.any(friction.slope * p):
+            parts.append(velocity_slope(contact.T, contact.w, p, friction.slope))
+        return _sum(parts)
 
 
 def damping_terms(scene: Scene, brake: Brake) -> Terms | None:
@@ -87,82 +108,25 @@ def damping_terms(scene: Scene, brake: Brake) -> Terms | None:
     Returns:
         The terms; None where the scene names none.
     """
-    table = scene.stability.damping if scene.stability else None
-    parts = [] if brake.elastic.C is None else [brake.elastic.C]
+    table, own = scene.damping, brake.elastic.C
+    parts = [] if own is None else [own]
     if table is None:
-        return Terms(parts[0], sliding=False, slope=False) if parts else None
+        return Terms(own) if parts else None
     return Terms(_sum([*parts, *_terms_of_bodies(scene, brake, table)]), table.sliding, table.slope)
 
 
 def _terms_of_bodies(scene: Scene, brake: Brake, table: Damping) -> Iterator[sp.csr_matrix]:
     """Damping that a scene names for its bodies, one matrix for each term."""
-    layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
+    layers = brake.materials
     if table.rayleigh is not None:
         yield rayleigh(brake.M, brake.K, *table.rayleigh)
     if table.loss:
         yield _hysteretic(brake, layers, table.reference)
     motion = scene_motion(scene)
     if table.gyroscopic and isinstance(motion, Rotation):
-        turns = set(turning_parts(scene))
-        density = {n: m.rho for n, m in layers.items() if n.partition(".")[0] in turns}
-        yield gyroscopic(brake.mesh, brake.elastic.free, density, motion)
+        yield gyroscopic(brake.mesh, brake.elastic.free, turning_density(scene, brake), motion)
     for term in table.own:
         yield term.matrix(brake)
-
-
-def damping_of_sample(
-    terms: Terms | None,
-    contact: Contact,
-    p: Array,
-    mu: Array,
-    slope: Array,
-    speed: Array,
-    change: sp.csr_matrix | None = None,
-) -> sp.csr_matrix | None:
-    """Damping of one sample at its equilibrium.
-
-    Args:
-        terms: those of the scene.
-        contact: contact elements, the same for all samples.
-        p: pressures at equilibrium [Pa], shape (elements,).
-        mu: friction coefficients, shape (elements,).
-        slope: mu'(V) [s/m], shape (elements,).
-        speed: sliding speeds V [m/s], shape (elements,).
-        change: what it adds to the damping of the scene's bodies [N s/m].
-
-    Returns:
-        C [N s/m], whole on this process; None where nothing damps this sample.
-    """
-    if terms is None:
-        return None
-    parts = [] if terms.bulk is None else [terms.bulk]
-    if change is not None and change.nnz:
-        parts.append(change)
-    if terms.sliding and np.any(mu * p):
-        parts.append(sliding_damping(contact.R, contact.w, p, speed, mu))
-    if terms.slope and np.any(slope * p):
-        parts.append(velocity_slope(contact.T, contact.w, p, slope))
-    return sum(parts[1:], parts[0]).tocsr() if parts else None
-
-
-def rates_of_sample(
-    terms: Terms, p: Array, mu: Array, slope: Array, speed: Array
-) -> tuple[Array, Array]:
-    """What friction's own terms multiply slip rates by: p mu'(V) along, mu p / V across [Pa s/m].
-
-    Args:
-        terms: those of the scene; a term it does not name is zero.
-        p: pressures at equilibrium [Pa], shape (elements,).
-        mu: friction coefficients, shape (elements,).
-        slope: mu'(V) [s/m], shape (elements,).
-        speed: sliding speeds V [m/s], shape (elements,).
-    """
-    along = slope * p if terms.slope else np.zeros_like(p)
-    across = np.zeros_like(p)
-    if terms.sliding:
-        # Faces that stick have neither speed nor friction.
-        np.divide(mu * p, speed, out=across, where=speed > 0)
-    return along, across
 
 
 def record(scene: Scene, contact: Contact) -> dict[str, Any]:
@@ -270,36 +234,30 @@ def mass_share(scene: Scene, values: Mapping[str, float]) -> float:
     return values.get(RAYLEIGH[0], alpha)
 
 
-def damping_slopes(scene: Scene, brake: Brake, names: Sequence[str]) -> dict[str, sp.csr_matrix]:
-    """Derivatives of the damping by scalars, on the scene's own stiffness; collective.
+def turning_density(scene: Scene, brake: Brake) -> dict[str, float]:
+    """Density of the layers that turn [kg/m^3]."""
+    turns = {*turning_parts(scene)}
+    return {n: m.rho for n, m in brake.materials.items() if n.partition(".")[0] in turns}
+
+
+def damping_slope(scene: Scene, brake: Brake, name: str) -> sp.csr_matrix:
+    """Derivative of the damping by a scalar, on the scene's own stiffness.
 
     Args:
-        scene: the scene.
+        scene: the scene, with damping.
         brake: its operators.
-        names: dotted keys: Rayleigh's alpha and beta, loss factors of materials, the speed.
+        name: dotted key: Rayleigh's alpha or beta, the loss factor of a material, the speed.
 
     Returns:
-        Dotted key -> dC/d(scalar) [N s/m over its unit], whole on this process.
+        dC/d(scalar) [N s/m over its unit], whole on this process.
     """
-    table = scene.stability.damping if scene.stability else None
-    return {} if table is None else {n: _slope(scene, table, brake, n) for n in names}
-
-
-def _slope(scene: Scene, table: Damping, brake: Brake, name: str) -> sp.csr_matrix:
+    mesh, free, motion = brake.mesh, brake.elastic.free, scene_motion(scene)
     if name in RAYLEIGH:
         return brake.M if name == RAYLEIGH[0] else brake.K
-    mesh, free = brake.mesh, brake.elastic.free
-    layers = layer_materials(scene, scene_materials(scene), mesh.layers)
-    if name == "motion.speed":
-        turns = set(turning_parts(scene))
-        density = {n: m.rho for n, m in layers.items() if n.partition(".")[0] in turns}
-        motion = scene_motion(scene)
-        if not isinstance(motion, Rotation):
-            raise ValueError("the gyroscopic term needs a rotation")
-        A, factor = gyroscopic(mesh, free, density, replace(motion, speed=1.0)), 1.0
-    else:
-        _, material, _ = split_key(name)
-        own = {n: m.C for n, m in layers.items() if material_of(scene, n) == material}
-        (A,) = affine_parts(mesh, free, [own])
-        factor = 1 / table.reference
-    return (factor * A).tocsr()
+    if name == SPEED and isinstance(motion, Rotation):
+        return gyroscopic(mesh, free, turning_density(scene, brake), replace(motion, speed=1.0))
+    if scene.damping is None:
+        raise ValueError(f"{name}: a scene without damping")
+    material = split_key(name)[1]
+    own = {n: m.C for n, m in brake.materials.items() if material_of(scene, n) == material}
+    return (affine_parts(mesh, free, [own])[0] / scene.damping.reference).tocsr()

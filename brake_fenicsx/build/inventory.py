@@ -17,7 +17,7 @@ from .brake import Brake
 from .contact_doubts import displacement_doubts, resolution_doubts
 from .free_motions import check_free_motions
 from .interfaces import scene_motion
-from .material_table import layer_materials, scene_materials
+from .material_table import layer_materials
 from .stated import left_out
 
 ALONE = 0.05  # share of a first face that faces nothing, from which it is said
@@ -31,7 +31,7 @@ def parts_of(scene: Scene, brake: Brake) -> dict[str, dict[str, Any]]:
     of its nodes.
     """
     mesh = brake.mesh
-    layers = layer_materials(scene, scene_materials(scene), list(mesh.layers))
+    layers = layer_materials(scene, mesh.layers)
     mass = dict.fromkeys(mesh.extents, 0.0)
     for layer, volume in mesh.volumes.items():
         mass[layer.partition(".")[0]] += layers[layer].rho * volume

@@ -3,9 +3,9 @@
 Pressures and forces are dead: they do not turn with the face.
 
 A force F and a moment m about the centroid of the face are spread as the traction whose virtual
-work is F . mean displacement + m . mean rotation (``macro.mean_motion``): uniform, and linear in x,
-y, z.
-A displacement g of held dofs, zero elsewhere, gives u = u' + g and the load -K g on the free dofs.
+work is F . mean displacement + m . mean rotation (``macro.mean_motion``): uniform, and linear in
+x, y, z. A displacement g of held dofs, zero elsewhere, gives u = u' + g and the load -K g on the
+free dofs.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 
 from .bodies import part_axes
-from .material_table import layer_materials, scene_materials
+from .material_table import layer_materials
 
 Array = NDArray[np.float64]
 
@@ -136,7 +136,7 @@ def _displaced(scene: Scene, mesh: Mesh, elastic: Elastic, face: str) -> Array:
                     f'{scene.file}: loads."{face}".displacement: moves nodes of {other!r} too, on'
                     f" which {where} acts; move another face, or write a force"
                 )
-    materials = layer_materials(scene, scene_materials(scene), mesh.layers)
+    materials = layer_materials(scene, mesh.layers)
     f = np.zeros(free.size)
     f[: free.local.size] = -stiffness_action(mesh, free, materials, g)[free.local]
     return f

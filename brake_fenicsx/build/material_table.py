@@ -76,19 +76,19 @@ def scene_materials(scene: Scene) -> dict[str, Material]:
 
 
 def layer_materials(
-    scene: Scene, materials: Mapping[str, Material], layers: Iterable[str]
+    scene: Scene, layers: Iterable[str], materials: Mapping[str, Material] | None = None
 ) -> dict[str, Material]:
     """Material of each layer in x, y, z: the axes of the part and of the material are added.
 
     Args:
         scene: the scene.
-        materials: material name -> material in its own axes.
         layers: "part.layer" of the mesh.
+        materials: material name -> material in its own axes; those of the scene if None.
 
     Raises:
         SceneError: a layer has no material.
     """
-    found = {}
+    materials, found = materials or scene_materials(scene), {}
     for layer in layers:
         name, _, inner = layer.partition(".")
         part = scene.parts[name]

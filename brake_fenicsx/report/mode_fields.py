@@ -127,7 +127,7 @@ def write_mode_fields(
     for mode in (mode for chosen in drawn for mode in chosen):
         task = mode.approach, mode.sample
         stored = study.stored(task)
-        modes.append((mode.approach, study._draw(*task), stored, np.array([mode.mode])))
+        modes.append((study.sample(task), stored, np.array([mode.mode])))
     found, missing = spared("shapes of modes", lambda: displacements(study.models, modes, comm, 1))
     written()
     lost = comm.bcast(lost, root=0) + missing

@@ -347,6 +347,6 @@ def _tables(
 def _write_shapes(study: Study, points: NDArray[np.float64], results: Results) -> None:
     """Shapes of the families that squeal, for comparisons with other runs."""
     if known := results.squealing_members():
-        u = study.models.shapes(np.array([*known.values()]).T)
+        u = study.models.coordinates.displacements(np.array([*known.values()]).T)
         body = study.models.numbering.body
         study.store.save(SHAPES, **family_shapes(points, body, u, np.array([*known])))

@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.build.damping_terms import rates_of_sample
-from brake_fenicsx.build.layers import Layers
-from brake_fenicsx.build.material_table import nominal_value
+from brake_fenicsx.build.layers import layer_derivatives
 from brake_fenicsx.macro.equilibrium import Equilibrium
-from brake_fenicsx.macro.equilibrium_change import EquilibriumChange, equilibrium_change
+from brake_fenicsx.macro.equilibrium_change import (
+    BodyOperators,
+    EquilibriumChange,
+    equilibrium_change,
+)
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.scalars import is_length
@@ -40,10 +42,10 @@ from brake_fenicsx.stability.substructures.vectors import ContactMotions
 
 from .equilibria import Equilibria
 from .models import Models
-from .solve import linearised, sample_damping
+from .solve import linearised
 
 if TYPE_CHECKING:
-    from .sampling import SampleInput
+    from .sampling import Sample
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -76,15 +78,12 @@ class Drivers:
     """Derivatives of the unstable modes of any sample of a scene."""
 
     def __init__(self, scene: Scene, models: Models, equilibria: Equilibria):
-        """Look at the layers."""
+        """Take what all samples share."""
         self._scene, self._models, self._equilibria = scene, models, equilibria
-        shapes = {} if models.changes is None else models.changes.shapes
-        self._layers = Layers(scene, models.brake, shapes)
 
     def of(
         self,
-        approach: str,
-        sample: SampleInput,
+        sample: Sample,
         eq: Equilibrium,
         first: bool,
         modes: Modes,
@@ -94,7 +93,6 @@ class Drivers:
         """Derivatives of a sample's unstable modes, as arrays to store.
 
         Args:
-            approach: of the sample.
             sample: its inputs.
             eq: its equilibrium.
             first: whether it is the first one of its approach: with maps, and layers in any case.
@@ -113,10 +111,8 @@ class Drivers:
             return {}
         chosen, neighbours = _with_neighbours(modes.s, growing, partner)
         mirrored = np.isin(partner[chosen], growing) & ~np.isin(chosen, growing)
-        mirrored &= not self._models.damped(approach)
-        table, maps, error = self._found(
-            approach, sample, eq, first, modes, chosen[~mirrored], reduced
-        )
+        mirrored &= not self._models.reduction.damped(sample.approach)
+        table, maps, error = self._found(sample, eq, first, modes, chosen[~mirrored], reduced)
         # Without damping the partner's eigenvalue is -conj(lambda), and so is its derivative.
         values = np.zeros((len(table.values), chosen.size), complex)
         values[:, ~mirrored] = table.values
@@ -135,8 +131,7 @@ class Drivers:
 
     def _found(
         self,
-        approach: str,
-        sample: SampleInput,
+        sample: Sample,
         eq: Equilibrium,
         first: bool,
         modes: Modes,
@@ -144,14 +139,12 @@ class Drivers:
         reduced: bool,
     ) -> tuple[_Table, dict[str, NDArray[Any]], Array]:
         """Derivatives of chosen modes, maps over the elements, and errors of the vectors."""
-        models, w = self._models, self._models.contact(sample.random).w
-        contact = linearised(models, approach, sample, eq.k_vibration, eq.p)
+        w, contact = sample.brake.contact.w, linearised(sample, eq.k_vibration, eq.p)
         s, right, left = modes.s[chosen], modes.right[:, chosen], modes.left[:, chosen]
         whole: tuple[Complex, Complex] | None = None if reduced else (right, left)
         errors: list[Array] = [np.zeros(s.size)]
         if reduced:
-            model = models.reduced[models.damped(approach)]
-            p = models.parameter_point(sample.random)
+            model, p = self._models.reduction.of(sample), sample.brake.point
             motions, right, left = model.motions(p, contact, s, right, left)
             errors.append(motions.error)
             if first:
@@ -162,58 +155,55 @@ class Drivers:
         if whole is not None:
             whole_motions = self._whole_motions(sample, eq, s, whole)
             motions = motions if reduced else whole_motions
-        d = contact_derivatives(motions, contact, sample.mu, w)
+        d = contact_derivatives(motions, contact, sample.friction.mu, w)
         table, maps = _Table(), dict[str, NDArray[Any]]()
-        self._contact(table, approach, sample, eq, d, reduced)
+        self._contact(table, sample, eq, d, reduced)
         if whole is not None:
             self._bodies(table, sample, eq, s, (*whole, whole_motions.slope))
         if whole is not None and first:
-            inertia = inner(whole[0], models.mass(sample) @ whole[0]).real
+            inertia = inner(whole[0], sample.brake.M @ whole[0]).real
             maps["driver_map"] = contact.k[:, None] * d.k
             maps["driver_work"] = friction_work(whole_motions, contact, w, inertia)
         return table, maps, np.max(errors, axis=0)
 
     def _whole_motions(
-        self, sample: SampleInput, eq: Equilibrium, s: Complex, vectors: tuple[Complex, Complex]
+        self, sample: Sample, eq: Equilibrium, s: Complex, vectors: tuple[Complex, Complex]
     ) -> ContactMotions:
-        models, b = self._models, self._models.contact(sample.random)
-        pencil = QuadraticPencil(
-            models.mass(sample), sample_damping(models, sample, eq.p), models.K
-        )
+        b, brake = sample.brake.contact, sample.brake
+        pencil = QuadraticPencil(brake.M, brake.C(sample.friction, eq.p), brake.brake.K)
         rows = {"N": b.N, "T": b.T, "R": b.R}
         return motions_of_vectors(rows, s, *vectors, slope_of(pencil, s, *vectors))
 
     def _contact(
         self,
         table: _Table,
-        approach: str,
-        sample: SampleInput,
+        sample: Sample,
         eq: Equilibrium,
         d: ContactDerivatives,
         reduced: bool,
     ) -> None:
         """Friction of each interface, loads, and the stiffness of the contact."""
-        models, w = self._models, self._models.contact(sample.random).w
-        bodies = self._equilibria.bodies(approach, sample, reduced)
+        w, friction = sample.brake.contact.w, sample.friction
+        bodies = self._equilibria.bodies(sample, reduced)
         state = bodies.compliance, w, sample.laws, eq
 
         def moved(new: EquilibriumChange, mu: Array) -> Complex:
-            along, across = self._rates(approach, sample, new.p, sample.mu)
-            across = across + self._rates(approach, sample, eq.p, mu)[1]
+            along, across = sample.brake.rates(friction, new.p)
+            across = across + sample.brake.rates(replace(friction, mu=mu), eq.p)[1]
             return d.chain(new.k, mu, along, across)
 
         for i, (name, interface) in enumerate(self._scene.contact.items()):
             if not slides(self._scene, name):
                 continue
-            on = (models.brake.contact.interface == i).astype(float)
-            step = STEP * float(on @ sample.mu) / max(float(on.sum()), 1.0)
+            on = (sample.brake.contact.interface == i).astype(float)
+            step = STEP * float(on @ friction.mu) / max(float(on.sum()), 1.0)
             in_equilibrium = on * interface.friction_in_equilibrium
             value = moved(equilibrium_change(*state, mu=in_equilibrium), on)
             table.add(name, "friction", step, value)
         none, faces = np.zeros_like(w), sorted(self._scene.loads)
         loads = [
             moved(equilibrium_change(*state, Nf=Nf), none)
-            for Nf in self._loads(approach, sample, reduced, bodies)
+            for Nf in self._loads(sample, reduced, bodies)
         ]
         for face, value in zip(faces, loads, strict=True):
             table.add(face, "load", STEP, value)
@@ -225,62 +215,45 @@ class Drivers:
     def _bodies(
         self,
         table: _Table,
-        sample: SampleInput,
+        sample: Sample,
         eq: Equilibrium,
         s: Complex,
         vectors: tuple[Complex, ...],
     ) -> None:
         """Stiffness, mass and loss factor of each layer, and thicknesses that vary."""
-        found = self._layers.derivatives(sample.random, s, vectors)
+        found = layer_derivatives(sample.brake, s, vectors)
         for (layer, kind), value in found.items():
             table.add(layer, kind, LOSS_STEP if kind == "loss factor" else STEP, value)
-        changes = self._models.changes
+        changes = self._models.brake.changes
         for name in filter(is_length, () if changes is None else changes.box.names):
             table.add(name, "length", STEP, self._length(name, sample, eq, s, vectors))
 
     def _length(
         self,
         name: str,
-        sample: SampleInput,
+        sample: Sample,
         eq: Equilibrium,
         s: Complex,
         vectors: tuple[Complex, ...],
     ) -> Complex:
         """D lambda / d ln h of a length, shape (modes,)."""
-        models, values = self._models, sample.random
-        if models.changes is None:
-            raise ValueError("a scene whose bodies do not change")
-        size, out = values.get(name, nominal_value(self._scene, name)), np.zeros(s.size, complex)
+        size, out = sample.values.value(name), np.zeros(s.size, complex)
         for step in (STEP, -STEP):
-            there = replace(sample, random={**values, name: size * (1 + step)})
-            b, C = models.contact(there.random), sample_damping(models, there, eq.p)
-            K = models.changes.stiffness_change(there.random)
-            K = tangent(K, b.N, b.T, b.w, eq.k_vibration, sample.mu)
-            change = bilinear(K, *vectors) + s**2 * bilinear(models.mass(there), *vectors)
+            there = self._models.brake.at({**sample.values, name: size * (1 + step)})
+            b, C = there.contact, there.C(sample.friction, eq.p)
+            K = there.stiffness_change
+            K = tangent(K, b.N, b.T, b.w, eq.k_vibration, sample.friction.mu)
+            change = bilinear(K, *vectors) + s**2 * bilinear(there.M, *vectors)
             out += (change if C is None else change + s * bilinear(C, *vectors)) / (2 * step)
         return out
 
-    def _loads(
-        self, approach: str, sample: SampleInput, reduced: bool, bodies: Any
-    ) -> Sequence[Array]:
+    def _loads(self, sample: Sample, reduced: bool, bodies: BodyOperators) -> Sequence[Array]:
         """Gaps under each load of the sample alone, in the order of the faces."""
-        faces = sorted(self._scene.loads)
-        pressures = self._models.pressures(sample.pressures)
-        out: list[Array] = []
-        for i in range(len(faces) - 1):
-            alone = dict.fromkeys(faces, 0.0) | {faces[i]: float(pressures[i])}
-            own = self._equilibria.bodies(approach, replace(sample, pressures=alone), reduced)
+        sizes, out = sample.brake.pressures, list[Array]()
+        for alone in np.diag(sizes)[:-1]:
+            own = self._equilibria.bodies(sample, reduced, alone)
             out.append(own.compliance.Nf)
-        return [*out, bodies.compliance.Nf - sum(out)] if faces else []
-
-    def _rates(
-        self, approach: str, sample: SampleInput, p: Array, mu: Array
-    ) -> tuple[Array, Array]:
-        """Factors of the slip rates along and across at some pressures and friction."""
-        models = self._models
-        if models.terms is None or not models.damped(approach):
-            return np.zeros_like(p), np.zeros_like(p)
-        return rates_of_sample(models.terms, p, mu, sample.slope, sample.speed)
+        return [*out, bodies.compliance.Nf - sum(out)] if sizes.size else []
 
 
 def _with_neighbours(

@@ -27,7 +27,7 @@ from brake_fenicsx.macro.solver import Factor
 from .models import Models
 
 if TYPE_CHECKING:
-    from .sampling import SampleInput
+    from .sampling import Sample
 
 Array = NDArray[np.float64]
 
@@ -46,18 +46,11 @@ class Equilibria:
     steps: int
     tolerance: float
 
-    def of(
-        self,
-        approach: str,
-        sample: SampleInput,
-        reduced: bool = False,
-        start: Array | None = None,
-    ) -> Equilibrium:
+    def of(self, sample: Sample, reduced: bool = False, start: Array | None = None) -> Equilibrium:
         """Equilibrium of a sample.
 
         Args:
-            approach: of the sample.
-            sample: its inputs.
+            sample: the sample.
             reduced: whether the reduced model may give the compliance of bodies that change.
             start: gaps of an equilibrium nearby [m], to start from.
 
@@ -65,20 +58,19 @@ class Equilibria:
             NotConverged: neither the full load at once nor the scene's ramp converges, nor is
                 there an equilibrium that can be followed from the one without friction.
         """
-        laws, mu, changes = sample.laws, sample.mu_equilibrium, self.models.changes
-        if changes is not None and self.models.has_own_bodies(sample) and not reduced:
-            bodies = self._bodies(sample)
-            still = self.models.contact(sample.random) is self.models.brake.contact
-            if still and bodies.compliance.factor is not None:
+        laws, mu = sample.laws, sample.friction.equilibrium
+        change = None if reduced else sample.brake.stiffness_change
+        if change is not None and sample.brake.contact is self.models.brake.contact:
+            bodies = self._under_loads(sample)
+            if bodies.compliance.factor is not None:
                 try:
-                    change = changes.stiffness_change(sample.random)
                     return corrected_equilibrium(bodies, change, laws, mu, tolerance=self.tolerance)
                 except NotConverged:
                     logger.info(
                         "the bodies of a sample are far from those of the scene: the matrices"
                         " are factored again"
                     )
-        bodies = self.bodies(approach, sample, reduced)
+        bodies = self.bodies(sample, reduced)
         if start is not None:
             with suppress(NotConverged):
                 return equilibrium(bodies, laws, mu, tolerance=self.tolerance, start=start)
@@ -89,18 +81,29 @@ class Equilibria:
                 failed = error
         return raised_friction(bodies, laws, mu, failed, self.tolerance)
 
-    def bodies(self, approach: str, sample: SampleInput, reduced: bool) -> BodyOperators:
-        """The bodies of a sample under its loads; the arguments are those of ``of``."""
-        bodies = self._bodies(sample)
-        if not self.models.has_own_bodies(sample):
-            return bodies
-        if reduced:
-            return self._reduced_bodies(approach, sample, bodies)
-        return self._full_bodies(sample, bodies)
+    def bodies(self, sample: Sample, reduced: bool, sizes: Array | None = None) -> BodyOperators:
+        """The bodies of a sample under its loads.
 
-    def displacements(
-        self, given: Sequence[tuple[SampleInput, Mapping[str, Any]]]
-    ) -> Iterator[Array]:
+        Args:
+            sample: the sample.
+            reduced: see ``of``.
+            sizes: of the loads, shape (loads,); those of the sample if None.
+        """
+        bodies = self._under_loads(sample, sizes)
+        if not sample.brake.own_bodies:
+            return bodies
+        c = bodies.compliance
+        if reduced:
+            NN, NT, gaps = self.models.reduction.of(sample).static(sample.brake.point, c.k0)
+            sizes = sample.brake.pressures if sizes is None else sizes
+            return replace(bodies, compliance=replace(c, NN=NN, NT=NT, Nf=gaps @ sizes))
+        b = bodies
+        own = compliance(sample.brake.K, b.N, b.T, b.w, b.f, c.k0, MPI.COMM_SELF)
+        if own.factor is not None:
+            own.factor.destroy()
+        return replace(bodies, compliance=replace(own, factor=None))
+
+    def displacements(self, given: Sequence[tuple[Sample, Mapping[str, Any]]]) -> Iterator[Array]:
         """Displacements of stored equilibria [m], shape (dofs,) each.
 
         Args:
@@ -112,11 +115,11 @@ class Equilibria:
             eq = Equilibrium(
                 data["g"], data["p"], data["k"], data["k_vibration"], data["mu_equilibrium"], *zero
             )
-            bodies, own = self._bodies(sample), self.models.has_own_bodies(sample)
+            bodies, own = self._under_loads(sample), sample.brake.own_bodies
             c = bodies.compliance
             factor = None if own else c.factor or next(iter(shared), None)
             if factor is None:
-                factor = reference_factor(self.models.stiffness(sample), bodies.N, bodies.w, c.k0)
+                factor = reference_factor(sample.brake.K, bodies.N, bodies.w, c.k0)
                 shared += [] if own else [factor]
             yield displacement(replace(bodies, compliance=replace(c, factor=factor)), eq, bodies.f)
             if own:
@@ -124,27 +127,8 @@ class Equilibria:
         for factor in shared:
             factor.destroy()
 
-    def _full_bodies(self, sample: SampleInput, bodies: BodyOperators) -> BodyOperators:
-        """The own bodies of a sample, factored anew."""
-        b, K = bodies, self.models.stiffness(sample)
-        own = compliance(K, b.N, b.T, b.w, b.f, b.compliance.k0, MPI.COMM_SELF)
-        if own.factor is not None:
-            own.factor.destroy()
-        return replace(bodies, compliance=replace(own, factor=None))
-
-    def _reduced_bodies(
-        self, approach: str, sample: SampleInput, bodies: BodyOperators
-    ) -> BodyOperators:
-        """The own bodies of a sample, from the reduced model."""
-        models, c = self.models, bodies.compliance
-        model = models.reduced[models.damped(approach)]
-        NN, NT, gaps = model.static(models.parameter_point(sample.random), c.k0)
-        Nf = gaps @ models.pressures(sample.pressures)
-        return replace(bodies, compliance=replace(c, NN=NN, NT=NT, Nf=Nf))
-
-    def _bodies(self, sample: SampleInput) -> BodyOperators:
-        """The scene's bodies under the loads of a sample."""
-        b = self.models.contact(sample.random)
-        pressures = self.models.pressures(sample.pressures)
-        f, c = self.models.unit_loads @ pressures, self.models.loaded(pressures)
-        return BodyOperators(b.N, b.T, b.w, b.g0, f, c)
+    def _under_loads(self, sample: Sample, sizes: Array | None = None) -> BodyOperators:
+        """The scene's bodies under the loads of a sample; arguments as above."""
+        b, sizes = sample.brake.contact, sample.brake.pressures if sizes is None else sizes
+        f = self.models.brake.unit_loads @ sizes
+        return BodyOperators(b.N, b.T, b.w, b.g0, f, self.models.loads.times(sizes))

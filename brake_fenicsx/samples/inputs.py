@@ -1,6 +1,4 @@
-"""Inputs of one sample: its point of the design, the values there, what they make.
-
-All that differs from the scene in a sample follows from one mapping, dotted key -> SI value.
+"""Inputs of one sample: its point of the design, and the values there.
 
 A draw that makes no brake (a stiffness that is not positive definite, a modulus that gives the laws
 no E*, a negative friction or pressure) is rejected. The sample then draws a new point from its own
@@ -10,19 +8,17 @@ Saltelli), whose points mean something only all together, it fails with its name
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.build.distributions import quantile
-from brake_fenicsx.build.material_table import by_material, nominal_value
+from brake_fenicsx.build.material_table import nominal_value, stiffness
+from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.folder.log import logger
+from brake_fenicsx.macro.material import engineering_constants
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.samples_section import is_constant, split_key
-from brake_fenicsx.scene.scalars import is_length
 
 from .designs import RIGID, correlated, correlation_root, design_points, design_size
 
@@ -36,23 +32,6 @@ PERFECT = ("classical", "parametric")
 
 # Children of the scene's seed that seed the designs, far from the samples' own.
 DESIGN_SEEDS = {"multi-scale": 2**32 - 1, "parametric": 2**32 - 2, "joint": 2**32 - 3}
-
-
-@dataclass(frozen=True, slots=True)
-class Inputs:
-    """Inputs of a sample that differ from the scene.
-
-    Attributes:
-        values: value of each input by its key, in SI units.
-        materials: stiffness of each changed material in its own axes [Pa], shape (6, 6).
-        pressures: pressure of each changed load [Pa], by its face.
-        rejected: draws that were rejected before this one.
-    """
-
-    values: dict[str, float]
-    materials: dict[str, Array]
-    pressures: dict[str, float]
-    rejected: int = 0
 
 
 def points_of(scene: Scene, approach: str) -> Array | None:
@@ -75,8 +54,8 @@ def size_of(scene: Scene, approach: str) -> int:
 
 def draw_inputs(
     scene: Scene, approach: str, point: Array | None, rng: np.random.Generator
-) -> Inputs:
-    """Inputs of a sample.
+) -> tuple[Values, int]:
+    """Values of a sample, and how many draws were rejected before these.
 
     Args:
         scene: the scene.
@@ -92,12 +71,13 @@ def draw_inputs(
     root = correlation_root(random, scene.samples.plan(approach).design)
     u = rng.random(len(random)) if point is None else point
     for rejected in range(MOST_DRAWS):
-        values = {
-            name: float(quantile(d, x, nominal[name]))
-            for (name, d), x in zip(random.items(), correlated(u, root), strict=True)
-        }
+        drawn = zip(random.items(), correlated(u, root), strict=True)
+        values = Values(
+            scene, {name: float(quantile(d, x, nominal[name])) for (name, d), x in drawn}
+        )
         try:
-            return inputs_of(scene, approach, values, rejected)
+            check_values(approach, values)
+            return values, rejected
         except BrakeError as error:
             reason = error
         if scene.samples.plan(approach).design in RIGID:
@@ -111,56 +91,20 @@ def draw_inputs(
     raise refused
 
 
-def inputs_of(
-    scene: Scene, approach: str, values: Mapping[str, float], rejected: int = 0
-) -> Inputs:
-    """Materials and loads of some values.
+def check_values(approach: str, values: Values) -> None:
+    """Refuse values that no brake has, or no laws of its contact.
 
     Args:
-        scene: the scene.
         approach: of the sample.
-        values: by dotted key, SI.
-        rejected: draws that were rejected before.
+        values: of its scalars.
 
     Raises:
         SceneError: no brake has these values.
     """
-    pressures = {}
-    for name, value in values.items():
-        section, table, last = split_key(name)
-        if isinstance(value, str):
-            raise SceneError(f"{name} = {value!r}: write a number, in SI units")
-        if is_constant(name):
-            continue
-        if name == "motion.speed" and not value * nominal_value(scene, name) > 0:
-            raise SceneError(f"{name} = {value:g}: must not be zero, and have the scene's sign")
-        elif (last in ("penalty", "rho") or is_length(name)) and not value > 0:
-            raise SceneError(f"{name} = {value:g}: must be positive")
-        elif name != "motion.speed" and not value >= 0:
-            raise SceneError(f"{name} = {value:g}: must be zero or more")
-        if section == "loads":
-            pressures[table] = value
-    materials = _stiffnesses(scene, by_material(values))
-    if materials and approach not in PERFECT:
-        for interface in scaled_interfaces(scene):
-            law_factor(scene, interface, materials)
-    return Inputs(dict(values), materials, pressures, rejected)
-
-
-def _stiffnesses(scene: Scene, groups: Mapping[str, Mapping[str, float]]) -> dict[str, Array]:
-    if not groups:
-        return {}
-    from brake_fenicsx.build.material_table import varied_stiffness
-    from brake_fenicsx.macro.material import Material
-
-    found = {}
-    for material, values in groups.items():
-        table = scene.materials[material]
-        try:
-            found[material] = Material(varied_stiffness(table, values), table.rho).C
-        except SceneError as error:
-            raise SceneError(f"materials.{material}: {error}") from None
-    return found
+    values.check()
+    if values.materials and approach not in PERFECT:
+        for interface in scaled_interfaces(values.scene):
+            law_factor(interface, values)
 
 
 def law_material(scene: Scene, interface: str) -> str:
@@ -209,26 +153,20 @@ def note_laws(scene: Scene) -> None:
             )  # fmt: skip
 
 
-def law_factor(scene: Scene, interface: str, materials: Mapping[str, Array]) -> float:
+def law_factor(interface: str, values: Values) -> float:
     """E*(sample) / E*(scene) of the material behind the laws of an interface.
 
     E* = E_3 / (1 - nu_13^2) as for the laws themselves. A half-space's pressures at given gaps are
     proportional to it, whatever the surface.
     """
-    if not materials:
+    name = law_material(values.scene, interface) if values.materials else ""
+    if name not in values.materials:
         return 1.0
-    name = law_material(scene, interface)
-    if name not in materials:
-        return 1.0
-    from brake_fenicsx.build.material_table import stiffness
-
-    nominal = stiffness(scene.materials[name])
-    return _modulus(name, materials[name]) / _modulus(name, nominal)
+    nominal = stiffness(values.scene.materials[name])
+    return _modulus(name, values.stiffness(name)) / _modulus(name, nominal)
 
 
 def _modulus(name: str, C: Array) -> float:
-    from brake_fenicsx.macro.material import engineering_constants
-
     c = engineering_constants(C)
     # Beyond the 0.5 of an isotropic material: nu_13 grows as E_3 falls at fixed nu_31.
     if not abs(c["nu_xz"]) < 1:

@@ -9,17 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from brake_fenicsx.build.material_table import nominal_value
+from brake_fenicsx.build.parametric import BrakeAt
+from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import FrictionLaw
 from brake_fenicsx.macro.contact import Contact
+from brake_fenicsx.macro.friction import Coefficient, Friction
 from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
 from brake_fenicsx.micro import (
     LawSteps,
@@ -37,7 +39,7 @@ from brake_fenicsx.scene.contact_section import LAWS
 from brake_fenicsx.scene.scalars import SPEED
 
 from .designs import roughness_of
-from .inputs import PERFECT, Inputs, draw_inputs, inputs_of, law_factor, scaled_interfaces, size_of
+from .inputs import PERFECT, check_values, draw_inputs, law_factor, scaled_interfaces, size_of
 
 if TYPE_CHECKING:
     from brake_fenicsx.surface.hdf import HeightDistribution
@@ -45,37 +47,33 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Keys of scalars that belong to no table of several.
 PENALTY = "samples.classical.penalty"
 
 
 @dataclass(frozen=True, slots=True)
-class SampleInput:
-    """Inputs of one sample.
+class Sample:
+    """One sample, before its equilibrium is known.
 
     Attributes:
+        approach: "multi-scale", "classical", "parametric" or "joint".
         seed: seed of its random numbers.
+        brake: its brake.
         laws: law and critical gap of each contact element.
-        mu: friction coefficient of each contact element, shape (elements,).
-        mu_equilibrium: the same in the equilibrium, 0 where the scene leaves friction out there.
-        slope: mu'(V) of each element [s/m], 0 where friction does not depend on the speed.
-        speed: sliding speed V of each element [m/s].
-        random: scalars that differ from the scene, by dotted key, SI.
-        materials: stiffness of each changed material in its own axes [Pa], shape (6, 6).
-        pressures: pressure of each changed load [Pa], by its face.
+        friction: of each contact element.
         rejected: draws of the random inputs that were rejected.
     """
 
+    approach: str
     seed: int
+    brake: BrakeAt
     laws: EnrichedGap
-    mu: Array
-    mu_equilibrium: Array
-    slope: Array
-    speed: Array
-    random: dict[str, float]
-    materials: dict[str, Array] = field(default_factory=dict)
-    pressures: dict[str, float] = field(default_factory=dict)
+    friction: Friction
     rejected: int = 0
+
+    @property
+    def values(self) -> Values:
+        """Scalars that differ from the scene, by dotted key, SI."""
+        return self.brake.values
 
 
 def sample_seed(seed: int, k: int) -> int:
@@ -93,16 +91,15 @@ def draw_sample(
     scene: Scene,
     approach: str,
     k: int,
-    contact: Contact,
+    at: Callable[[Values], BrakeAt],
     library: Laws | None,
     hdf: HeightDistribution | None,
     point: Array | None = None,
     waviness: Waviness | None = None,
     values: Mapping[str, float] | None = None,
     laws: EnrichedGap | None = None,
-    moved: Callable[[Mapping[str, float]], Contact] | None = None,
-) -> SampleInput:
-    """Inputs of sample ``k`` of an approach.
+) -> Sample:
+    """Sample ``k`` of an approach.
 
     Args:
         scene: the scene.
@@ -110,47 +107,37 @@ def draw_sample(
             and "parametric" perfect contact: a stiff linear penalty, no critical gap; the scene's
             friction, or the classical one's own, where it is not random.
         k: number of the sample.
-        contact: contact elements; their interfaces, sliding speeds, centres and normals are used.
+        at: the brake at some values; interfaces, sliding speeds, centres and normals of its contact
+            elements are used.
         library: the laws, where the scene asks for them.
         hdf: height distribution, where critical gaps are drawn from it.
         point: the sample's point of a design, shape (inputs,); None: drawn from its own stream.
         waviness: field of the mean heights of patches, where critical gaps are drawn from it.
         values: scalars by dotted key, SI, in place of those that are drawn or the scene's.
         laws: laws and critical gaps of this sample, where they were drawn with the scene's moduli.
-        moved: contact elements by the sample's scalars, where lengths move them: their speeds.
-
-    Returns:
-        The inputs.
 
     Raises:
         InaccurateResult: the point cannot be used and may not be replaced.
         SceneError: no brake has the given values.
     """
     seed, shared = sample_seed(scene.samples.seed, k), k
+    drawn, rejected = Values(scene), 0
     if scene.samples.takes_random(approach):
         shared = roughness_of(scene.samples.plan(approach), len(scene.samples.random), k)
-    # Each kind of draw has its own child, so that naming one does not change the others.
-    law_rng, gap_rng, _ = _streams(sample_seed(scene.samples.seed, shared))
-    random_rng = _streams(seed)[2]
-    inputs = Inputs({}, {}, {})
-    if scene.samples.takes_random(approach):
-        inputs = draw_inputs(scene, approach, point, random_rng)
+        drawn, rejected = draw_inputs(scene, approach, point, _streams(seed)[2])
     if values:
-        inputs = inputs_of(scene, approach, {**inputs.values, **values}, inputs.rejected)
+        drawn = Values(scene, {**drawn, **values})
+        check_values(approach, drawn)
+    brake = at(drawn)
     if approach in PERFECT:
-        penalty = inputs.values.get(PENALTY, scene.samples.classical.penalty)
-        laws = perfect_contact(penalty, contact.interface.size)
-    elif laws is None or inputs.materials:
-        laws = _rough(scene, contact, library, (hdf, waviness), inputs, (law_rng, gap_rng))
-    speed = (contact if moved is None else moved(inputs.values)).speed
-    if SPEED in inputs.values:
-        speed = speed * (inputs.values[SPEED] / nominal_value(scene, SPEED))
-    mu, slope = friction_coefficients(scene, contact.interface, speed, approach, inputs.values)
-    in_equilibrium = np.array([t.friction_in_equilibrium for t in scene.contact.values()])
-    return SampleInput(
-        seed, laws, mu, mu * in_equilibrium[contact.interface], slope, speed,
-        inputs.values, inputs.materials, inputs.pressures, inputs.rejected,
-    )  # fmt: skip
+        penalty = drawn.get(PENALTY, scene.samples.classical.penalty)
+        laws = perfect_contact(penalty, brake.contact.interface.size)
+    elif laws is None or drawn.materials:
+        # Each kind of draw has its own child, so that naming one does not change the others.
+        streams = _streams(sample_seed(scene.samples.seed, shared))
+        laws = _rough(brake, library, (hdf, waviness), (streams[0], streams[1]))
+    friction = friction_of_contact(brake.contact, approach, drawn)
+    return Sample(approach, seed, brake, laws, friction, rejected)
 
 
 def perfect_contact(penalty: float, elements: int) -> EnrichedGap:
@@ -159,31 +146,44 @@ def perfect_contact(penalty: float, elements: int) -> EnrichedGap:
     return EnrichedGap(OneLaw(linear_law(penalty)), index, np.zeros(elements))
 
 
-def friction_coefficients(
-    scene: Scene,
-    interface: NDArray[np.int64],
-    speed: Array,
-    approach: str,
-    values: Mapping[str, float],
-) -> tuple[Array, Array]:
-    """Friction coefficient of each element and its slope mu'(V), shape (elements,)."""
-    mu, slope = np.zeros((2, interface.size))
-    for i, name in enumerate(scene.contact):
-        own = interface == i
-        value = values.get(f"contact.{name}.friction", friction_of(scene, approach, name))
-        mu[own], slope[own] = coefficient(value, speed[own])
-    return mu, slope
+def friction_of_contact(contact: Contact, approach: str, values: Values) -> Friction:
+    """Friction of contact elements at their sliding speeds.
+
+    Args:
+        contact: their interfaces, and their sliding speeds at the speed of the scene.
+        approach: of the sample.
+        values: of its scalars.
+    """
+    speed = contact.speed * values.ratio(SPEED)
+    tables = values.scene.contact.values()
+    braking = np.array([t.friction_in_equilibrium for t in tables], dtype=bool)
+    given = friction_law(contact, approach, values)(speed)
+    return Friction(*given, speed, braking[contact.interface])
+
+
+def friction_law(contact: Contact, approach: str, values: Values) -> Coefficient:
+    """Friction of contact elements by their slip speeds; arguments as above."""
+    scene, interface = values.scene, contact.interface
+
+    def law(speed: Array) -> tuple[Array, Array]:
+        mu, slope = np.zeros((2, *speed.shape))
+        for i, name in enumerate(scene.contact):
+            own = interface == i
+            value = values.get(f"contact.{name}.friction", friction_of(scene, approach, name))
+            mu[own], slope[own] = coefficient(value, speed[own])
+        return mu, slope
+
+    return law
 
 
 def _rough(
-    scene: Scene,
-    contact: Contact,
+    brake: BrakeAt,
     library: Laws | None,
     heights: tuple[HeightDistribution | None, Waviness | None],
-    inputs: Inputs,
     streams: tuple[np.random.Generator, np.random.Generator],
 ) -> EnrichedGap:
     """Law and critical gap of each element, the laws for the sample's modulus."""
+    contact, values, scene = brake.brake.contact, brake.values, brake.values.scene
     law_rng, gap_rng = streams
     interface = contact.interface
     parts: list[Laws] = []
@@ -192,8 +192,8 @@ def _rough(
         own = interface == i
         chosen, numbers = _laws(table, library, int(own.sum()), law_rng)
         index[own] = numbers + sum(len(part) for part in parts)
-        if inputs.materials and name in scaled_interfaces(scene):
-            chosen = scaled_laws(chosen, law_factor(scene, name, inputs.materials))
+        if values.materials and name in scaled_interfaces(scene):
+            chosen = scaled_laws(chosen, law_factor(name, values))
         parts.append(chosen)
         if table.gap == "none":
             continue

@@ -12,7 +12,6 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.build.damping_terms import damping_of_sample, rates_of_sample
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.extras import spared
 from brake_fenicsx.folder.log import logger
@@ -26,9 +25,10 @@ from brake_fenicsx.stability.substructures import ContactLinearisation
 from .models import Models
 
 if TYPE_CHECKING:
+    from brake_fenicsx.scene import Stability
     from brake_fenicsx.stability.substructures.line import Basis
 
-    from .sampling import SampleInput
+    from .sampling import Sample
 
 Array = NDArray[np.float64]
 Arrays = dict[str, Any]
@@ -41,8 +41,7 @@ More = tuple[str, Callable[[Modes, NDArray[np.intp], bool], Arrays]]
 
 def modes_of_sample(
     models: Models,
-    approach: str,
-    sample: SampleInput,
+    sample: Sample,
     eq: Equilibrium,
     by_reduction: bool,
     more: Sequence[More] = (),
@@ -52,8 +51,7 @@ def modes_of_sample(
 
     Args:
         models: what all samples share.
-        approach: of the sample.
-        sample: its inputs.
+        sample: the sample.
         eq: its equilibrium.
         by_reduction: whether the reduced model gives its modes.
         more: what else is made of them; where that fails, the modes stand without it.
@@ -61,12 +59,10 @@ def modes_of_sample(
     """
     if not by_reduction:
         return _full(models, sample, eq, more, comm)
-    settings = models.stability
-    if settings is None:
-        raise ValueError("a scene without [stability] has no modes")
-    damped, fall_back = models.damped(approach), settings.on_tolerance == "full order"
+    settings = _settings(models)
+    fall_back = settings.on_tolerance == "full order"
     try:
-        modes = reduced_modes(models, approach, sample, eq)
+        modes = reduced_modes(models, sample, eq)
     except InaccurateResult as error:
         if not fall_back:
             raise
@@ -77,78 +73,60 @@ def modes_of_sample(
         given = missed, settings.tolerance
         logger.info("%d modes of a sample beyond the tolerance %.0e: full order", *given)
         return _full(models, sample, eq, more)
-    unstable = np.array(modes.verdict, str) == "unstable"
-    if damped:
-        # Kept modes of all bodies are orthonormal in the mass.
-        one = sp.identity(len(modes.right), format="csr")
-        partners = damped_partners(modes.s, modes.right, one, unstable)
-    else:
-        partners = flutter_partners(modes.s)
+    # Kept modes of all bodies are orthonormal in the mass.
+    one = sp.identity(len(modes.right), format="csr")
+    mass = one if models.reduction.damped(sample.approach) else None
     return {
-        **_record(modes, settings.tolerance),
-        **_composition(modes, energy_shares(models.grams, modes.right), partners),
+        **_stored(modes, settings.tolerance, mass, models.coordinates.grams, more, True),
         "coordinates": modes.right.astype(np.complex64),
-        **_together(more, modes, partners, True),
     }
 
 
 def reduced_modes(
-    models: Models, approach: str, sample: SampleInput, eq: Equilibrium, line: Basis | None = None
+    models: Models, sample: Sample, eq: Equilibrium, line: Basis | None = None
 ) -> Modes:
-    """Modes of a sample at its equilibrium by the reduced model; arguments as above.
+    """Modes of a sample at its equilibrium by the reduced model.
 
     Args:
         models: what all samples share.
-        approach: of the sample.
-        sample: its inputs.
+        sample: the sample.
         eq: its equilibrium.
         line: the sample at other values of a parameter.
     """
-    settings = models.stability
-    zeta_max = 0.0 if settings is None else settings.zeta_max
-    model, p = models.reduced[models.damped(approach)], models.parameter_point(sample.random)
-    contact = linearised(models, approach, sample, eq.k_vibration, eq.p)
-    return model.modes(p, contact, zeta_max, line)
+    contact = linearised(sample, eq.k_vibration, eq.p)
+    zeta_max, model = _settings(models).zeta_max, models.reduction.of(sample)
+    return model.modes(sample.brake.point, contact, zeta_max, line)
 
 
 def full_modes(
-    models: Models, sample: SampleInput, eq: Equilibrium, comm: MPI.Comm = MPI.COMM_SELF
+    models: Models, sample: Sample, eq: Equilibrium, comm: MPI.Comm = MPI.COMM_SELF
 ) -> Modes:
     """The same at full order, vectors on all dofs; shared by two processes of a communicator."""
-    b, settings = models.contact(sample.random), models.stability
-    if settings is None:
-        raise ValueError("a scene without [stability] has no modes")
-    C = sample_damping(models, sample, eq.p)
-    friction = (
-        contact_interface(b.N, b.T, b.w * eq.k_vibration, sample.mu) if sample.mu.any() else None
-    )
-    K = tangent(models.stiffness(sample), b.N, b.T, b.w, eq.k_vibration, sample.mu)
-    band = settings.band[0], settings.band[1]
-    M, zeta_max = models.mass(sample), settings.zeta_max
-    return complex_modes(M, C, K, band, zeta_max=zeta_max, friction=friction, comm=comm)
+    brake, mu, settings = sample.brake, sample.friction.mu, _settings(models)
+    b, k = brake.contact, eq.k_vibration
+    friction = contact_interface(b.N, b.T, b.w * k, mu) if mu.any() else None
+    K = tangent(brake.K, b.N, b.T, b.w, k, mu)
+    return complex_modes(
+        brake.M, brake.C(sample.friction, eq.p), K, (settings.band[0], settings.band[1]),
+        zeta_max=settings.zeta_max, friction=friction, comm=comm,
+    )  # fmt: skip
 
 
-def linearised(
-    models: Models, approach: str, sample: SampleInput, k: Array, p: Array
-) -> ContactLinearisation:
+def linearised(sample: Sample, k: Array, p: Array) -> ContactLinearisation:
     """Contact and friction of a sample at its equilibrium.
 
     Args:
-        models: what all samples share.
-        approach: of the sample.
-        sample: its inputs.
+        sample: the sample.
         k: contact stiffness of small vibrations at equilibrium [Pa/m], shape (elements,).
         p: pressure at equilibrium [Pa], likewise.
     """
-    if models.terms is None or not models.damped(approach):
-        return ContactLinearisation.of(k, sample.mu)
-    rates = rates_of_sample(models.terms, p, sample.mu, sample.slope, sample.speed)
-    return ContactLinearisation.of(k, sample.mu, *rates)
+    friction = sample.friction
+    return ContactLinearisation.of(k, friction.mu, *sample.brake.rates(friction, p))
 
 
 def displacements(
     models: Models,
-    modes: Sequence[tuple[str, SampleInput, Mapping[str, Any], NDArray[np.intp]]],
+    modes: Sequence[tuple[Sample, Mapping[str, Any], NDArray[np.intp]]],
     comm: MPI.Comm,
     aside: int = 0,
 ) -> list[tuple[NDArray[np.complex128], Array]]:
@@ -156,8 +134,7 @@ def displacements(
 
     Args:
         models: what all samples share.
-        modes: of each sample its approach, its inputs, what was stored of it, and the numbers of
-            the modes.
+        modes: of each sample its inputs, what was stored of it, and the numbers of the modes.
         comm: processes that share the work.
         aside: of these, the first so many do other work.
 
@@ -171,58 +148,76 @@ def displacements(
             columns = [int(np.flatnonzero(data["vector_mode"] == mode)[0]) for mode in chosen]
             vectors = data["vectors"][:, columns].astype(complex)
             out[i] = vectors, np.zeros(len(columns))
-    for damped, model in models.reduced.items():
-        served = [i for i, m in enumerate(modes) if i not in out and models.damped(m[0]) == damped]
+    for model in models.reduction.models.values():
+        left = (i for i in range(len(modes)) if i not in out)
+        served = [i for i in left if models.reduction.of(modes[i][0]) is model]
         given = []
-        for approach, sample, data, chosen in (modes[i] for i in served):
-            contact = linearised(models, approach, sample, data["k_vibration"], data["p"])
+        for sample, data, chosen in (modes[i] for i in served):
+            contact = linearised(sample, data["k_vibration"], data["p"])
             a = data["coordinates"][:, chosen].astype(complex)
-            given.append((models.parameter_point(sample.random), contact, data["s"][chosen], a))
+            given.append((sample.brake.point, contact, data["s"][chosen], a))
         found = model.displacements_of_samples(given, comm=comm, aside=aside)
         out |= dict(zip(served, found, strict=True))
     return [out[i] for i in range(len(modes))]
 
 
-def sample_damping(models: Models, sample: SampleInput, p: Array) -> sp.csr_matrix | None:
-    """Damping C [N s/m] of a sample, whole on this process; None where nothing damps it."""
-    changes = models.changes
-    change = changes.damping_change(sample.random) if changes and sample.random else None
-    given = models.terms, models.contact(sample.random), p, sample.mu, sample.slope, sample.speed
-    return damping_of_sample(*given, change)
+def _settings(models: Models) -> Stability:
+    if models.stability is None:
+        raise ValueError("a scene without [stability] has no modes")
+    return models.stability
 
 
 def _full(
-    models: Models, sample: SampleInput, eq: Equilibrium, more: Sequence[More] = (),
+    models: Models, sample: Sample, eq: Equilibrium, more: Sequence[More] = (),
     comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Arrays:  # fmt: skip
     """Modes at full order."""
-    settings = models.stability
-    if settings is None:
-        raise ValueError("a scene without [stability] has no modes")
     modes = full_modes(models, sample, eq, comm)
-    unstable = np.array(modes.verdict, str) == "unstable"
-    if sample_damping(models, sample, eq.p) is None:
-        partners = flutter_partners(modes.s)
-    else:
-        partners = damped_partners(modes.s, modes.right, models.mass(sample), unstable)
-    grown = np.flatnonzero(unstable)
+    mass = None if sample.brake.C(sample.friction, eq.p) is None else sample.brake.M
+    grown = np.flatnonzero(np.array(modes.verdict, str) == "unstable")
+    tolerance, masses = _settings(models).tolerance, models.brake.masses
     out = {
-        **_record(modes, settings.tolerance),
-        **_composition(modes, energy_shares(models.masses, modes.right), partners),
+        **_stored(modes, tolerance, mass, masses, more, False),
         "vectors": modes.right[:, grown].astype(np.complex64), "vector_mode": grown,
-        **_together(more, modes, partners, False),
     }  # fmt: skip
-    coordinates = models.coordinates(modes.right)
+    coordinates = models.coordinates.of(modes.right)
     if coordinates is not None:
         out["coordinates"] = coordinates.astype(np.complex64)
     return out
 
 
-def _together(
-    more: Sequence[More], modes: Modes, partners: NDArray[np.intp], by_reduction: bool
+def _stored(
+    modes: Modes,
+    tolerance: float,
+    mass: sp.csr_matrix | None,
+    masses: Mapping[str, Any],
+    more: Sequence[More],
+    by_reduction: bool,
 ) -> Arrays:
-    """What is made of the modes beside them; what fails is named in ``lost``."""
-    out: Arrays = {}
+    """Arrays of the modes: with their flutter partners and the layers' shares of kinetic energy.
+
+    Args:
+        modes: the modes.
+        tolerance: of their estimated errors.
+        mass: in the coordinates of their vectors; None without damping.
+        masses: of each layer, in these coordinates.
+        more: what else is made of them; what fails is named in ``lost``.
+        by_reduction: whether they are those of the reduced model.
+    """
+    partners = flutter_partners(modes.s)
+    if mass is not None:
+        unstable = np.array(modes.verdict, str) == "unstable"
+        partners = damped_partners(modes.s, modes.right, mass, unstable)
+    shares = energy_shares(masses, modes.right)
+    out: Arrays = {
+        "s": modes.s, "residual": modes.residual, "error": modes.error,
+        "condition": modes.condition, "verdict": np.array(modes.verdict, dtype=str),
+        "damping": modes.damping, "expected": modes.count.expected,
+        "count_kind": modes.count.kind, "counted": modes.count.how,
+        "tolerance_missed": _missed(modes, tolerance), "stability_seconds": modes.seconds,
+        "partner": partners, "layers": np.array(list(shares), dtype=str),
+        "shares": np.array(list(shares.values())).reshape(len(shares), len(modes)),
+    }  # fmt: skip
     lost: list[str] = []
     for name, make in more:
         made, missing = spared(name, partial(make, modes, partners, by_reduction))
@@ -231,22 +226,6 @@ def _together(
     return out | ({"lost": "; ".join(lost)} if lost else {})
 
 
-def _record(modes: Modes, tolerance: float) -> Arrays:
-    return {
-        "s": modes.s, "residual": modes.residual, "error": modes.error,
-        "condition": modes.condition, "verdict": np.array(modes.verdict, dtype=str),
-        "damping": modes.damping, "expected": modes.count.expected,
-        "count_kind": modes.count.kind, "counted": modes.count.how,
-        "tolerance_missed": _missed(modes, tolerance), "stability_seconds": modes.seconds,
-    }  # fmt: skip
-
-
 def _missed(modes: Modes, tolerance: float) -> int:
     """Modes whose estimated error is beyond the tolerance, rigid ones aside."""
     return int(np.sum(relative_errors(modes.s, modes.error) > tolerance))
-
-
-def _composition(modes: Modes, shares: dict[str, Array], partner: NDArray[np.intp]) -> Arrays:
-    """What a mode is made of: its flutter partner, and the layers' shares of its kinetic energy."""
-    values = np.array(list(shares.values())).reshape(len(shares), len(modes))
-    return {"partner": partner, "layers": np.array(list(shares), dtype=str), "shares": values}

@@ -32,7 +32,7 @@ from .equilibria import Equilibria
 from .forces import moved
 from .inputs import PERFECT, note_laws, points_of
 from .models import Models
-from .sampling import SampleInput, draw_sample, sample_count, sample_seed
+from .sampling import Sample, draw_sample, sample_count, sample_seed
 
 if TYPE_CHECKING:
     from brake_fenicsx.extras.limit_cycle.cycles import Cycles
@@ -89,7 +89,7 @@ class Study:
         count = {name: sample_count(scene, name) for name in approaches}
         self.points: dict[str, Array | None] = {name: points_of(scene, name) for name in approaches}
         self.tasks: list[Task] = [(name, k) for name in approaches for k in range(count[name])]
-        self.models: Models = Models(scene, brake, count, store, comm, cache or SharedCache(store))
+        self.models: Models = Models(scene, count, store, comm, cache or SharedCache(store))
         self.equilibria: Equilibria | None = None
         self._displaced: dict[Task, Array] = {}
         self._first: dict[str, Array | None] = {}
@@ -100,7 +100,7 @@ class Study:
         self.squealing: list[int] = []
         self.drivers: Drivers | None = None
         self.cycles: Cycles | None = None
-        reduced = self.models.by_reduction
+        reduced = self.models.reduction.by_reduction
         self.verified: str = next((name for name in approaches if reduced[name]), "")
         self.verify: list[Task] = []
         if scene.stability is not None and self.verified:
@@ -111,6 +111,7 @@ class Study:
         """Factor the reference, and make or load the reduced models."""
         brake, models = self.brake, self.models
         note_laws(self.scene)
+        models.assemble(brake)
         pressure = brake.pressed / float(brake.w.sum())
         # Any value serves; a round one is that of similar scenes too.
         k0 = float(f"{reference_stiffness(self._reference_laws(), pressure):.1e}")
@@ -133,7 +134,7 @@ class Study:
         name = next((n for n in names if n not in PERFECT), names[0])
         for k in range(sum(task[0] == name for task in self.tasks)):
             try:
-                return self._draw(name, k).laws
+                return self.sample((name, k)).laws
             except InaccurateResult as error:
                 reason = error
         raise reason
@@ -144,7 +145,7 @@ class Study:
         Args:
             first: so many of each approach, without the verification; all if None.
         """
-        reduced = self.models.by_reduction
+        reduced = self.models.reduction.by_reduction
         tasks = [t for t in self.tasks if first is None or t[1] < first]
         long = [t for t in tasks if not reduced[t[0]]] + ([] if first else self.verify)
         # One sample that takes long comes before many, which fill the time of the others.
@@ -168,13 +169,13 @@ class Study:
         approach, k = task
         known: dict[str, Any] = {"seed": np.uint64(sample_seed(self.scene.samples.seed, k))}
         try:
-            sample = self._draw(self.verified if approach == VERIFY else approach, k)
-            names = sorted(sample.random)
+            sample = self.sample((self.verified if approach == VERIFY else approach, k))
+            names = sorted(sample.values)
             known |= {
-                "mu": sample.mu, "random_names": np.array(names, dtype=str),
-                "random": np.array([sample.random[n] for n in names]),
+                "mu": sample.friction.mu, "random_names": np.array(names, dtype=str),
+                "random": np.array([sample.values[n] for n in names]),
             }  # fmt: skip
-            if sample.random:
+            if sample.values:
                 known["rejected"] = sample.rejected
             return known | self._solved(task, sample, comm)
         except Exception as error:
@@ -197,22 +198,20 @@ class Study:
             return InaccurateResult(f"verification at full order: {error}")
         return None
 
-    def _solved(self, task: Task, sample: SampleInput, comm: MPI.Comm) -> dict[str, Any]:
+    def _solved(self, task: Task, sample: Sample, comm: MPI.Comm) -> dict[str, Any]:
         """Equilibrium and modes of a sample by its inputs; arguments as above."""
-        (approach, k), models = task, self.models
-        if approach == VERIFY:
-            approach = self.verified
-        reduced = task[0] != VERIFY and models.takes(approach, sample.random)
-        start = self._first_gaps(approach) if k and reduced else None
-        eq = self._prepared.of(approach, sample, reduced, start)
+        k, models, own = task[1], self.models, task[0] != VERIFY
+        reduced = own and models.reduction.takes(sample)
+        start = self._first_gaps(sample.approach) if k and reduced else None
+        eq = self.balance(sample, reduced, start)
         out: dict[str, Any] = {
-            "mu_equilibrium": sample.mu_equilibrium,
+            "mu_equilibrium": sample.friction.equilibrium,
             "g": eq.g, "g_cr": sample.laws.g_cr, "p": eq.p, "k": eq.k,
             "k_vibration": eq.k_vibration, "law": sample.laws.index,
             "equilibrium_iterations": sum(eq.iterations), "equilibrium_residual": eq.residual,
             "equilibrium_seconds": eq.seconds,
         }  # fmt: skip
-        contact = models.contact(sample.random)
+        contact = sample.brake.contact
         out["beyond_laws"] = sample.laws.beyond(eq.p, contact.w)
         if contact is not self.brake.contact:
             out["moved"] = moved(contact)
@@ -220,11 +219,11 @@ class Study:
             from .solve import modes_of_sample
 
             more: list[More] = []
-            if self.drivers is not None and task[0] != VERIFY and comm.rank == 0:
-                more.append(("drivers", partial(self.drivers.of, approach, sample, eq, k == 0)))
-            if self.cycles is not None and task[0] != VERIFY and comm.rank == 0:
-                more.append(("limit cycles", partial(self.cycles.of, approach, sample, eq)))
-            out |= modes_of_sample(models, approach, sample, eq, reduced, more, comm)
+            if self.drivers is not None and own and comm.rank == 0:
+                more.append(("drivers", partial(self.drivers.of, sample, eq, k == 0)))
+            if self.cycles is not None and own and comm.rank == 0:
+                more.append(("limit cycles", partial(self.cycles.of, sample, eq)))
+            out |= modes_of_sample(models, sample, eq, reduced, more, comm)
         return out
 
     def _first_gaps(self, approach: str) -> Array | None:
@@ -236,8 +235,7 @@ class Study:
         if approach not in self._first:
             self._first[approach] = None
             with suppress(BrakeError):
-                eq = self._prepared.of(approach, self._draw(approach, 0), True)
-                self._first[approach] = eq.g
+                self._first[approach] = self.balance(self.sample((approach, 0)), True).g
         return self._first[approach]
 
     def solved(
@@ -259,21 +257,21 @@ class Study:
         """
         from .solve import full_modes, reduced_modes
 
-        (approach, k), models = task, self.models
-        known = models.changes.box.names if models.changes else []
+        models = self.models
+        known = models.brake.changes.box.names if models.brake.changes else []
         for key in values:
             if changes_bodies(self.scene, key) and key not in known:
                 raise SceneError(
                     f"{key}: enters the matrices of the bodies; name it in [sweep.parameters] or"
                     " [samples.random], or give its range to prepare(.., parameters={..})"
                 )
-        sample = self._draw(approach, k, values)
-        reduced = models.takes(approach, sample.random)
-        eq = self._prepared.of(approach, sample, reduced, start)
+        sample = self.sample(task, values)
+        reduced = models.reduction.takes(sample)
+        eq = self.balance(sample, reduced, start)
         if reduced:
-            return eq, reduced_modes(models, approach, sample, eq, line)
+            return eq, reduced_modes(models, sample, eq, line)
         modes = full_modes(models, sample, eq)
-        right, left = models.coordinates(modes.right), models.coordinates(modes.left)
+        right, left = models.coordinates.of(modes.right), models.coordinates.of(modes.left)
         if right is None or left is None:
             raise ValueError("prepare() made no coordinates")
         return eq, replace(modes, right=right, left=left)
@@ -283,14 +281,14 @@ class Study:
         if self.cycles is None:
             raise ValueError("a scene without [limit_cycle]")
         eq, modes = self.solved(task, values)
-        sample = self._draw(*task, values)
-        reduced = self.models.takes(task[0], sample.random)
-        return self.cycles.of(task[0], sample, eq, modes, np.arange(len(modes)), reduced)
+        sample = self.sample(task, values)
+        reduced = self.models.reduction.takes(sample)
+        return self.cycles.of(sample, eq, modes, np.arange(len(modes)), reduced)
 
     def displacements(self, stored: Mapping[Task, Mapping[str, Any]]) -> dict[Task, Array]:
         """Displacements of the equilibria of stored samples [m], shape (dofs,) each; kept."""
         if self._displaced.keys() != stored.keys():
-            given = [(self._draw(*task), data) for task, data in stored.items()]
+            given = [(self.sample(task), data) for task, data in stored.items()]
             found = self._prepared.displacements(given)
             self._displaced = dict(zip(stored, found, strict=True))
         return self._displaced
@@ -301,17 +299,30 @@ class Study:
             raise ValueError("prepare() comes first")
         return self.equilibria
 
-    def _draw(
-        self, approach: str, k: int, values: Mapping[str, float] | None = None
-    ) -> SampleInput:
-        points = self.points[approach]
-        point = None if points is None else points[k]
+    def sample(self, task: Task, values: Mapping[str, float] | None = None) -> Sample:
+        """A sample with its brake, laws and friction, before its equilibrium.
+
+        Args:
+            task: approach and number of the sample.
+            values: scalars by dotted key, SI, in place of those that are drawn or the scene's.
+
+        Raises:
+            InaccurateResult: its point of the design cannot be used and may not be replaced.
+            SceneError: no brake has the given values.
+        """
+        (approach, k), points = task, self.points[task[0]]
         drawn = draw_sample(
-            self.scene, approach, k, self.brake.contact, self.library, self.hdf, point,
-            self.waviness, values, self._laws.get((approach, k)), self.models.contact,
+            self.scene, approach, k, self.models.brake.at, self.library, self.hdf,
+            None if points is None else points[k], self.waviness, values, self._laws.get(task),
         )  # fmt: skip
-        self._laws = {} if drawn.materials else {(approach, k): drawn.laws}
+        self._laws = {} if drawn.values.materials else {task: drawn.laws}
         return drawn
+
+    def balance(
+        self, sample: Sample, reduced: bool = False, start: Array | None = None
+    ) -> Equilibrium:
+        """Braking equilibrium of a sample; see ``Equilibria.of``."""
+        return self._prepared.of(sample, reduced, start)
 
     def stored(self, task: Task) -> dict[str, Any]:
         """What was stored of a sample."""

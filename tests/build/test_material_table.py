@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from brake_fenicsx.build.material_table import in_axes, layer_materials, scene_materials, stiffness
+from brake_fenicsx.build.material_table import in_axes, layer_materials, stiffness
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.material import (
     Material,
@@ -98,7 +98,7 @@ def test_half_a_turn_is_nothing_and_a_quarter_is_exact():
 def layers(changes, names=("pad.lining", "pad.plate", "pad.shim", "disc.body")):
     stages = "stages=['surface','micro','equilibrium','uncertainty']"  # where no loss has to act
     scene = read_scene(SCENES / "disc_brake.toml", [stages, *changes])
-    return layer_materials(scene, scene_materials(scene), names)
+    return layer_materials(scene, names)
 
 
 STIFF = "materials.lining={model='orthotropic', rho='2510 kg/m^3', E=['9 GPa','5 GPa','2 GPa'],"

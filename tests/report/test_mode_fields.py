@@ -53,12 +53,12 @@ def test_displacements_are_those_of_the_modes(changes, stored, tmp_path, monkeyp
     data = study.work(task)
     assert {"vectors"} & {*data} == {stored} - {""}
     chosen = np.flatnonzero(data["verdict"] == "unstable")[:4]
-    sample = study._draw(*task)
-    ((X, _),) = displacements(study.models, [(task[0], sample, data, chosen)], COMM)
+    sample = study.sample(task)
+    ((X, _),) = displacements(study.models, [(sample, data, chosen)], COMM)
     assert chosen.size == X.shape[1] == 4
-    K = study.models.stiffness(sample)
+    K = study.sample.brake.K
     K_t = tangent(K, brake.N, brake.T, brake.w, data["k"], data["mu"])
-    M = study.models.M
+    M = study.brake.M
     for i, x in zip(chosen, X.T, strict=True):
         omega = np.sqrt((x.conj() @ (K_t @ x)).real / (x.conj() @ (M @ x)).real)
         assert omega == pytest.approx(abs(data["s"][i].imag), rel=1e-5)

@@ -10,6 +10,8 @@ import pytest
 
 from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.changes import VOIGT, assemble_changes
+from brake_fenicsx.build.material_table import stiffness
+from brake_fenicsx.build.parametric import parametric_brake
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.macro.condensation import compliance
 from brake_fenicsx.macro.equilibrium import equilibrium
@@ -52,7 +54,7 @@ def brake(scene):
 
 def written(scene, inputs, *changes):
     """The scene with the sample's constants written in it."""
-    values = {k.rpartition(".")[2]: v for k, v in inputs.values.items() if "materials" in k}
+    values = {k.rpartition(".")[2]: v for k, v in inputs.items() if "materials" in k}
     sets = [f"materials.lining.{name}='{v!r} Pa'" for name, v in values.items()]
     return read_scene(BLOCK, [*COARSE, *sets, *changes])
 
@@ -60,9 +62,9 @@ def written(scene, inputs, *changes):
 def test_stiffness_of_a_sample_is_that_of_the_scene_written_with_its_constants(scene, brake):
     """Axes turned by 30 degrees: unit changes in x, y, z instead would be wrong there."""
     changes = assemble_changes(scene, brake)
-    assert {term.constant for term in changes.changes} == {"C33", "C44", "C55"}
-    inputs = draw_inputs(scene, "multi-scale", None, np.random.default_rng(4))
-    K = brake.K + changes.stiffness_change(inputs.values)
+    assert {term.constant for term in changes.terms} == {"C33", "C44", "C55"}
+    inputs, _ = draw_inputs(scene, "multi-scale", None, np.random.default_rng(4))
+    K = brake.K + changes.change(inputs, "K")
     expected = assemble_brake(written(scene, inputs), COMM).K
     assert abs(K - expected).max() < 1e-12 * abs(expected).max()
 
@@ -72,10 +74,11 @@ def test_engineering_constants_move_what_they_must(brake):
         BLOCK, [*COARSE, random("materials.lining.E_3", "{ law='uniform', spread=0.2 }")]
     )
     changes = assemble_changes(s, brake)
-    assert {term.constant for term in changes.changes} == {"C11", "C22", "C33", "C12", "C13", "C23"}
-    inputs = draw_inputs(s, "multi-scale", None, np.random.default_rng(4))
-    change = inputs.materials["lining"] - changes.nominal["lining"]
-    assert abs(change[0, 0]) > 1e-4 * changes.nominal["lining"][0, 0]
+    assert {term.constant for term in changes.terms} == {"C11", "C22", "C33", "C12", "C13", "C23"}
+    inputs, _ = draw_inputs(s, "multi-scale", None, np.random.default_rng(4))
+    usual = stiffness(s.materials["lining"])
+    change = inputs.materials["lining"] - usual
+    assert abs(change[0, 0]) > 1e-4 * usual[0, 0]
 
 
 @pytest.fixture(scope="module")
@@ -88,15 +91,17 @@ def bodies(brake):
 def test_corrected_equilibrium_is_that_of_the_changed_bodies(scene, brake, bodies):
     """A correction left out after the first would be off by the square of the change."""
     changes = assemble_changes(scene, brake)
-    sample = draw_sample(scene, "multi-scale", 0, brake.contact, None, heights())
-    change = changes.stiffness_change(sample.random)
-    found = corrected_equilibrium(bodies, change, sample.laws, sample.mu)
+    sample = draw_sample(
+        scene, "multi-scale", 0, parametric_brake(scene, brake).at, None, heights()
+    )
+    change = changes.change(sample.values, "K")
+    found = corrected_equilibrium(bodies, change, sample.laws, sample.friction.mu)
     K = brake.K + change
     own = compliance(K, brake.N, brake.T, brake.w, brake.f, bodies.compliance.k0, COMM)
     whole = BodyOperators(brake.N, brake.T, brake.w, brake.g0, brake.f, own)
-    direct = equilibrium(whole, sample.laws, sample.mu)
+    direct = equilibrium(whole, sample.laws, sample.friction.mu)
     np.testing.assert_allclose(found.p, direct.p, rtol=1e-8, atol=1e-9 * direct.p.max())
-    push = brake.N.T @ (brake.w * found.p) + brake.T.T @ (brake.w * found.p * sample.mu)
+    push = brake.N.T @ (brake.w * found.p) + brake.T.T @ (brake.w * found.p * sample.friction.mu)
     rest = K @ found.u - brake.f - push
     assert np.linalg.norm(rest) < 1e-9 * np.linalg.norm(push)
 
@@ -121,10 +126,13 @@ def test_tolerance_of_newton_is_that_of_the_scene(change, tmp_path):
 def test_material_far_from_the_scene_is_refused_by_the_corrections(scene, brake, bodies):
     """Three times as stiff: the corrections diverge, and must say so."""
     changes = assemble_changes(scene, brake)
-    sample = draw_sample(scene, "multi-scale", 0, brake.contact, None, heights())
-    three = [3 * changes.nominal["lining"][VOIGT[term.constant]] for term in changes.changes]
+    sample = draw_sample(
+        scene, "multi-scale", 0, parametric_brake(scene, brake).at, None, heights()
+    )
+    C = stiffness(scene.materials["lining"])
+    three = sum(3 * C[VOIGT[term.constant]] * term.matrix for term in changes.terms)
     with pytest.raises(NotConverged, match="too far"):
-        corrected_equilibrium(bodies, changes.combined(three), sample.laws, sample.mu)
+        corrected_equilibrium(bodies, three, sample.laws, sample.friction.mu)
 
 
 def heights():

@@ -36,7 +36,7 @@ def test_moments_of_drawn_samples(design):
     n = 4000
     scene = read_scene(SCENE, [*changes(design=design), f"samples.n={n}"])
     rng, points = np.random.default_rng(3), points_of(scene, "multi-scale")
-    drawn = [draw_inputs(scene, "multi-scale", None if points is None else points[k], rng).values
+    drawn = [draw_inputs(scene, "multi-scale", None if points is None else points[k], rng)[0]
              for k in range(n)]  # fmt: skip
     a, b, mu = (np.array([d[name] for d in drawn]) for name in (C33, C44, FRICTION))
     for values, mean, sd in ((a, 2.27e9, 0.2e9), (b, 1.18e9, 0.15e9), (mu, 0.45, 0.05)):

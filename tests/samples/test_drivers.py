@@ -83,8 +83,8 @@ def row(data, kind, parameter=None):
 
 def beside(study, sample):
     """Eigenvalues of another sample, at its own equilibrium."""
-    eq = study.equilibria.of(MULTI, sample, reduced=True)
-    return modes_of_sample(study.models, MULTI, sample, eq, by_reduction=True)["s"]
+    eq = study.balance(sample, reduced=True)
+    return modes_of_sample(study.models, sample, eq, by_reduction=True)["s"]
 
 
 @pytest.mark.parametrize(
@@ -98,13 +98,15 @@ def test_friction_and_load_agree_with_samples_beside(studied, case, kind):
     sliding damping that does not take the new pressures.
     """
     study, data = studied(case)
-    sample, s = study._draw(MULTI, 0), growing(data)
+    sample, s = study.sample((MULTI, 0)), growing(data)
     pressure = study.scene.loads["block.top"].pressure
 
     def changed(x):
         if kind == "load":
-            return replace(sample, pressures={"block.top": pressure * (1 + x)})
-        return replace(sample, mu=sample.mu + x, mu_equilibrium=sample.mu_equilibrium + x)
+            values = {**sample.values, "loads.block.top.pressure": pressure * (1 + x)}
+            return replace(sample, brake=study.models.brake.at(values))
+        friction = replace(sample.friction, mu=sample.friction.mu + x)
+        return replace(sample, friction=friction)
 
     h = {"friction": 2e-4, "load": 5e-4}[kind]
     ends = [beside(study, changed(x)) for x in (h, -h)]
@@ -117,12 +119,12 @@ def test_friction_and_load_agree_with_samples_beside(studied, case, kind):
 def test_thickness_agrees_with_modes_beside(studied):
     """Central differences of the modes on the bodies alone; the damping follows them."""
     study, data = studied("thick")
-    sample, s, key = study._draw(MULTI, 0), growing(data), "parts.block.height"
-    eq = study.equilibria.of(MULTI, sample, reduced=True)
+    sample, s, key = study.sample((MULTI, 0)), growing(data), "parts.block.height"
+    eq = study.balance(sample, reduced=True)
 
     def moved(x):
-        own = {**sample.random, key: sample.random[key] * (1 + x)}
-        return reduced_modes(study.models, MULTI, replace(sample, random=own), eq).s
+        own = study.models.brake.at({**sample.values, key: sample.values[key] * (1 + x)})
+        return reduced_modes(study.models, replace(sample, brake=own), eq).s
 
     ends = [moved(x) for x in (1e-4, -1e-4)]
     ends = [e[np.abs(e[:, None] - s).argmin(axis=0)] for e in ends]
@@ -198,12 +200,12 @@ def test_tables(studied, tmp_path):
 def test_a_sample_without_unstable_modes_has_no_drivers(studied, tmp_path):
     """Without friction nothing grows; the tables are empty."""
     study, _ = studied("reduced")
-    sample = study._draw(MULTI, 0)
-    sample = replace(sample, mu=0 * sample.mu, mu_equilibrium=0 * sample.mu)
-    eq = study.equilibria.of(MULTI, sample, reduced=True)
-    modes = reduced_modes(study.models, MULTI, sample, eq)
+    sample = study.sample((MULTI, 0))
+    sample = replace(sample, friction=replace(sample.friction, mu=0 * sample.friction.mu))
+    eq = study.balance(sample, reduced=True)
+    modes = reduced_modes(study.models, sample, eq)
     partner = np.full(len(modes), -1)
-    assert study.drivers.of(MULTI, sample, eq, True, modes, partner, True) == {}
+    assert study.drivers.of(sample, eq, True, modes, partner, True) == {}
     none = Results(study.store, [])
     write_drivers(tmp_path, none, 0.0)
     assert read_columns(tmp_path / "drivers.csv", DRIVERS)["family"].size == 0

@@ -45,7 +45,12 @@ def changed(sets, key, length):
     scene = read_scene(VENTED, [*SETS, *sets, sweep])
     brake = assemble_brake(scene, MPI.COMM_SELF)
     changes = assemble_changes(scene, brake)
-    return scene, brake, changes.stiffness_change({key: length}), changes.mass_change({key: length})
+    return (
+        scene,
+        brake,
+        changes.change({key: length}, "K"),
+        changes.change({key: length}, "M"),
+    )
 
 
 @pytest.mark.parametrize(
@@ -112,7 +117,7 @@ def test_area_of_contact_follows_chamfer_and_slot(key, lengths, shape):
         area = changes.contact.at({box: length}).w.sum() - brake.w.sum()
         close = 1e-9 if shape == "rectangle" else 0.05
         assert area == pytest.approx(-2 * strips * across * grown, rel=close)
-        mass = column @ changes.mass_change({box: length}) @ column
+        mass = column @ changes.change({box: length}, "M") @ column
         assert mass == pytest.approx(-2 * 2510 * strips * across * grown * depth, rel=close)
 
 
@@ -174,7 +179,7 @@ def test_three_lengths_of_a_pad_and_a_modulus():
     column[brake.elastic.free.local % 3 == 2] = 1.0
     outline = 2 * 118e-3 * np.sin(np.pi / 6) * 44e-3
     grown = -0.4e-3 * outline + 44e-3 * (0.4e-3 * 4e-3 - 0.4e-3 * 8e-3)
-    found = column @ changes.mass_change(values) @ column
+    found = column @ changes.change(values, "M") @ column
     assert found == pytest.approx(2 * 2510 * grown, rel=1e-9)
     # The stiffness of a mesh whose nodes are moved by hand.
     x = brake.mesh.domain.geometry.x
@@ -186,7 +191,7 @@ def test_three_lengths_of_a_pad_and_a_modulus():
     exact = assemble_bodies(
         read_scene(VENTED, [*sets, "materials.lining.C33='2.4 GPa'"]), brake.mesh
     )
-    K = brake.K + changes.stiffness_change({**values, "materials.lining.C33": 2.4e9})
+    K = brake.K + changes.change({**values, "materials.lining.C33": 2.4e9}, "K")
     assert abs(K - exact.K).max() < 1e-8 * abs(exact.K).max()
 
 
@@ -211,8 +216,8 @@ def test_modes_of_a_slot_three_times_as_wide():
     study = prepared.study
     for width in (2e-3, 3.2e-3, 4.8e-3, 6e-3):
         values = {key: width}
-        found, sample = prepared.modes(values), study._draw("multi-scale", 0, values)
-        exact = full_modes(study.models, sample, study._prepared.of("multi-scale", sample))
+        found, sample = prepared.modes(values), study.sample(("multi-scale", 0), values)
+        exact = full_modes(study.models, sample, study.balance(sample))
         assert found.s.size == exact.s.size > 20
         distance = np.abs(found.s - exact.s)
         assert np.all(distance <= found.error + exact.error + 1e-5 * np.abs(exact.s))
@@ -232,8 +237,8 @@ def test_modes_of_two_lengths_of_a_pad_and_a_modulus():
         np.testing.assert_allclose(found.frequency, exact.frequency, rtol=4e-3)
     values = {LINING: 10.4e-3, CHAMFER: 2.8e-3, C33: 2.3e9}
     found, study = prepared.modes(values), prepared.study
-    sample = study._draw("multi-scale", 0, values)
-    exact = full_modes(study.models, sample, study._prepared.of("multi-scale", sample))
+    sample = study.sample(("multi-scale", 0), values)
+    exact = full_modes(study.models, sample, study.balance(sample))
     assert found.s.size == exact.s.size
     distance = np.abs(found.s - exact.s)
     assert np.all(distance <= found.error + exact.error + 1e-5 * np.abs(exact.s))

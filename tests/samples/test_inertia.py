@@ -70,9 +70,9 @@ def test_matrices_are_those_of_the_scene_written_with_the_values(sets, values, l
     )
     exact = assemble_brake(anew, MPI.COMM_SELF)
     for found, expected in (
-        (brake.M + changes.mass_change(values), exact.M),
-        (brake.K + changes.stiffness_change(values), exact.K),
-        (damping_terms(scene, brake).bulk + changes.damping_change(values),
+        (brake.M + changes.change(values, "M"), exact.M),
+        (brake.K + changes.change(values, "K"), exact.K),
+        (damping_terms(scene, brake).bulk + changes.change(values, "C"),
          damping_terms(anew, exact).bulk),
     ):  # fmt: skip
         assert abs(found - expected).max() < 1e-11 * abs(expected).max()
@@ -89,7 +89,7 @@ def test_total_mass_of_a_part_is_its_density_times_its_volume():
     brake = assemble_brake(scene, MPI.COMM_SELF)
     changes = assemble_changes(scene, brake)
     column = (brake.elastic.free.local % 3 == 2).astype(float)
-    added = column @ changes.mass_change({LINING: 2600.0, MASS: 0.05}) @ column
+    added = column @ changes.change({LINING: 2600.0, MASS: 0.05}, "M") @ column
     assert added == pytest.approx(90 * 40e-3 * 20e-3 * 20e-3 + 0.03, rel=1e-9)
 
 
@@ -102,8 +102,8 @@ def test_modes_are_those_of_full_order():
         {LINING: 2000.0, MASS: 0.04}, {LINING: 3000.0, MASS: 0.01, PLATE: 9e-3},
         {LINING: 2300.0, MASS: 0.03, PLATE: 10.6e-3},
     ):  # fmt: skip
-        found, sample = prepared.modes(values), study._draw("multi-scale", 0, values)
-        exact = full_modes(study.models, sample, study._prepared.of("multi-scale", sample))
+        found, sample = prepared.modes(values), study.sample(("multi-scale", 0), values)
+        exact = full_modes(study.models, sample, study.balance(sample))
         anew = model.prepare(BLOCK, [*COARSE, *TURNING, *written(values), "stability.method=full"])
         for other in (exact, anew.modes()):
             assert found.s.size == other.s.size >= 6

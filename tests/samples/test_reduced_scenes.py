@@ -221,10 +221,10 @@ def compared(scene, chosen):
     """Modes of a scene by the reduced model, each within its stated error of full order."""
     prepared = model.prepare(scene, changes(chosen), parameters={"contact.pads.friction": (0, 1)})
     study = prepared.study
-    assert study.models.by_reduction == {"multi-scale": True}
+    assert study.models.reduction.by_reduction == {"multi-scale": True}
     found = prepared.modes()
-    sample = study._draw("multi-scale", 0)
-    exact = full_modes(study.models, sample, study._prepared.of("multi-scale", sample))
+    sample = study.sample(("multi-scale", 0))
+    exact = full_modes(study.models, sample, study.balance(sample))
     assert found.s.size == exact.s.size >= 5
     distance = np.abs(found.s - exact.s)
     assert np.all(distance <= found.error + exact.error + 1e-6 * np.abs(exact.s))

@@ -12,6 +12,7 @@ from brake_fenicsx.samples.inputs import points_of
 from brake_fenicsx.samples.sampling import draw_sample, sample_count, sample_seed
 from brake_fenicsx.scene import Distribution, read_scene
 from brake_fenicsx.surface import match_moments
+from contact_alone import at_contact
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 CHANGES = [
@@ -30,7 +31,7 @@ def contact(elements):
 
 def sample(k: int, changes=(), elements: int = 4000):
     scene = read_scene(BLOCK, [*CHANGES, *changes])
-    return draw_sample(scene, "multi-scale", k, contact(elements), None, HDF)
+    return draw_sample(scene, "multi-scale", k, at_contact(contact(elements)), None, HDF)
 
 
 def test_sample_can_be_drawn_again_alone():
@@ -48,9 +49,9 @@ def test_naming_another_random_input_leaves_the_gaps_alone():
     law = "{ law = 'normal', mean = 0.5, sd = 0.05 }"
     with_mu = sample(0, [f'samples.random."contact.block_plate.friction"={law}'])
     assert np.array_equal(sample(0).laws.g_cr, with_mu.laws.g_cr)
-    assert np.all(sample(0).mu == 0.5)
-    assert np.all(with_mu.mu == with_mu.mu[0])
-    assert with_mu.mu[0] != 0.5
+    assert np.all(sample(0).friction.mu == 0.5)
+    assert np.all(with_mu.friction.mu == with_mu.friction.mu[0])
+    assert with_mu.friction.mu[0] != 0.5
 
 
 def test_rows_of_saltelli_share_their_gaps():
@@ -63,15 +64,18 @@ def test_rows_of_saltelli_share_their_gaps():
     scene = read_scene(BLOCK, [*CHANGES, *joint])
     points = points_of(scene, "joint")
     assert sample_count(scene, "joint") == len(points) == 80
-    rows = [draw_sample(scene, "joint", k, contact(50), None, HDF, points[k]) for k in range(10)]
+    rows = [
+        draw_sample(scene, "joint", k, at_contact(contact(50)), None, HDF, points[k])
+        for k in range(10)
+    ]
     gaps = [row.laws.g_cr for row in rows]
     same = [[np.array_equal(a, b) for b in gaps] for a in gaps]
     group = [0, 0, 0, 1, 1, 2, 2, 2, 3, 3]
     assert same == [[a == b for b in group] for a in group]
-    assert rows[3].random == rows[0].random and rows[4].random != rows[0].random
+    assert rows[3].values == rows[0].values and rows[4].values != rows[0].values
     assert len({row.seed for row in rows}) == 10
     # Beside joint, multi-scale samples are independent ones, whatever the design.
-    alone = draw_sample(scene, "multi-scale", 1, contact(50), None, HDF)
+    alone = draw_sample(scene, "multi-scale", 1, at_contact(contact(50)), None, HDF)
     assert not np.array_equal(alone.laws.g_cr, gaps[0])
 
 
@@ -86,17 +90,17 @@ def test_critical_gaps_follow_the_heights():
 
 def test_classical_sample_is_perfect_contact():
     scene = read_scene(BLOCK, CHANGES)
-    s = draw_sample(scene, "classical", 0, contact(5), None, None)
+    s = draw_sample(scene, "classical", 0, at_contact(contact(5)), None, None)
     assert np.all(s.laws.g_cr == 0)
-    np.testing.assert_array_equal(s.mu, 0.5)
+    np.testing.assert_array_equal(s.friction.mu, 0.5)
     assert s.laws.stiffness(np.full(5, -1e-6)) == pytest.approx(2e13)
     assert np.all(s.laws.pressure(np.full(5, 1e-9)) == 0)
 
 
 def test_friction_may_be_left_out_of_the_equilibrium():
     s = sample(0, ["contact.block_plate.friction_in_equilibrium=false"])
-    np.testing.assert_array_equal(s.mu, 0.5)
-    np.testing.assert_array_equal(s.mu_equilibrium, 0.0)
+    np.testing.assert_array_equal(s.friction.mu, 0.5)
+    np.testing.assert_array_equal(s.friction.equilibrium, 0.0)
 
 
 def test_truncated_normal_has_its_closed_form_mean():

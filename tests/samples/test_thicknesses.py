@@ -39,8 +39,8 @@ def written(height, plate, *changes):
 
 def at_full_order(prepared, values):
     study = prepared.study
-    sample = study._draw("multi-scale", 0, values)
-    return full_modes(study.models, sample, study._prepared.of("multi-scale", sample))
+    sample = study.sample(("multi-scale", 0), values)
+    return full_modes(study.models, sample, study.balance(sample))
 
 
 @pytest.mark.parametrize("lumped", [[], ["mesh.mass=lumped", "mesh.degree=1"]])
@@ -59,11 +59,11 @@ def test_matrices_of_a_thickness_are_those_of_the_scene_written_with_it(lumped):
     scene = read_scene(BLOCK, written(23e-3, 10e-3, "materials.lining.C44='1.3 GPa'", *sweep[1:]))
     expected = assemble_brake(scene, MPI.COMM_SELF)
     for found, exact in (
-        (brake.K + changes.stiffness_change(values), expected.K),
-        (brake.M + changes.mass_change(values), expected.M),
+        (brake.K + changes.change(values, "K"), expected.K),
+        (brake.M + changes.change(values, "M"), expected.M),
     ):
         assert abs(found - exact).max() < 1e-11 * abs(exact).max()
-    a, c, m = changes.coefficients_of(values)
+    a, c, m = changes.coefficients(values)
     assert np.any(a) and np.any(m) and np.all((c != 0) == (a + m != 0))
 
 
@@ -77,8 +77,8 @@ def test_gyroscopic_term_of_a_thickness_is_that_of_the_scene_written_with_it():
     scene = read_scene(BLOCK, [*COARSE, *turning])
     brake = assemble_brake(scene, MPI.COMM_SELF)
     changes = assemble_changes(scene, brake)
-    found = damping_terms(scene, brake).bulk + changes.damping_change(
-        {PLATE: 10.7e-3, "motion.speed": 25.0}
+    found = damping_terms(scene, brake).bulk + changes.change(
+        {PLATE: 10.7e-3, "motion.speed": 25.0}, "C"
     )
     scene = read_scene(BLOCK, written(20e-3, 10.7e-3, *turning[:2], "motion.speed='25 rad/s'"))
     exact = damping_terms(scene, assemble_brake(scene, MPI.COMM_SELF)).bulk

@@ -2,6 +2,7 @@
 
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 from mpi4py import MPI
 
@@ -18,6 +19,7 @@ from brake_fenicsx.samples.solve import full_modes
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.stability import ContactLinearisation
+from contact_alone import at_contact
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = [
@@ -43,29 +45,29 @@ def agrees(found, exact):
 def at_full_order(prepared, values, approach="multi-scale"):
     """Modes at full order, the equilibrium too."""
     study = prepared.study
-    sample = study._draw(approach, 0, values)
-    return full_modes(study.models, sample, study._prepared.of(approach, sample))
+    sample = study.sample((approach, 0), values)
+    return full_modes(study.models, sample, study.balance(sample))
 
 
 def test_values_replace_and_complete_the_drawn_ones():
     random = f"samples.random.\"{MU}\"={{ law='uniform', min=0.3, max=0.7 }}"
     changes = ["stages=['equilibrium','uncertainty']", random, "samples.n=3"]
     scene = read_scene(BLOCK, [*changes, "samples.approaches=['multi-scale','classical']"])
-    contact = type("Contact", (), {"interface": np.zeros(4, int), "speed": np.ones(4)})
+    at = at_contact(SimpleNamespace(interface=np.zeros(4, int), speed=np.ones(4)))
 
     def drawn(approach, values=None):
-        return draw_sample(scene, approach, 1, contact, None, None, values=values)
+        return draw_sample(scene, approach, 1, at, None, None, values=values)
 
     own = drawn("multi-scale")
     loaded = drawn("multi-scale", {LOAD: 3e5})
-    assert loaded.random == {**own.random, LOAD: 3e5}
-    np.testing.assert_array_equal(loaded.mu, own.mu)
-    assert loaded.pressures == {"block.top": 3e5}
+    assert loaded.values == {**own.values, LOAD: 3e5}
+    np.testing.assert_array_equal(loaded.friction.mu, own.friction.mu)
+    assert loaded.values.pressures == [3e5]
     for approach in ("multi-scale", "classical"):
         given = drawn(approach, {MU: 0.61, C44: 1e9})
-        np.testing.assert_array_equal(given.mu, 0.61)
-        np.testing.assert_array_equal(given.mu_equilibrium, 0.61)
-        assert given.materials["lining"][3, 3] == 1e9
+        np.testing.assert_array_equal(given.friction.mu, 0.61)
+        np.testing.assert_array_equal(given.friction.equilibrium, 0.61)
+        assert given.values.materials["lining"][3, 3] == 1e9
     with pytest.raises(SceneError, match=r"friction = -0.1: must be zero or more"):
         drawn("classical", {MU: -0.1})
     with pytest.raises(SceneError, match="pressure = '3 bar': write a number, in SI"):
@@ -113,8 +115,8 @@ def test_a_tied_part_beside_a_modulus():
     ]  # fmt: skip
     prepared = model.prepare(BLOCK, [*COARSE, *tied], parameters={C44: (0.9e9, 1.5e9)})
     models = prepared.study.models
-    assert len(models.reduced[False].bodies) == 2
-    assert [*models.masses] == ["block.body", "plate.body", "cap.body"]
+    assert len(models.reduction.models[False].bodies) == 2
+    assert [*models.brake.masses] == ["block.body", "plate.body", "cap.body"]
     for value in (0.9e9, 1.4e9):
         agrees(prepared.modes({C44: value}), at_full_order(prepared, {C44: value}))
 
@@ -136,7 +138,7 @@ def test_springs_and_dashpots_between_parts_beside_a_modulus():
     ]  # fmt: skip
     prepared = model.prepare(BLOCK, [*COARSE, *joined], parameters={C44: (0.9e9, 1.5e9)})
     models = prepared.study.models
-    assert len(models.reduced[True].bodies) == 2
+    assert len(models.reduction.models[True].bodies) == 2
     assert [*models.facts["damping"]] == ["springs"]
     for value in (0.9e9, 1.4e9):
         found = prepared.modes({C44: value})
@@ -149,11 +151,11 @@ def test_speed_moves_friction_and_its_damping():
     damping = "stability.damping={ sliding=true, slope=true }"
     prepared = model.prepare(BLOCK, [*COARSE, FALLING, damping], parameters={SPEED: (1.5, 4.0)})
     study = prepared.study
-    sample = study._draw("multi-scale", 0, {SPEED: 3.0})
-    np.testing.assert_allclose(sample.speed, 3.0)
-    np.testing.assert_allclose(sample.mu, 0.4 + 0.2 * np.exp(-1.5))
-    np.testing.assert_allclose(sample.mu_equilibrium, sample.mu)
-    np.testing.assert_allclose(sample.slope, -0.1 * np.exp(-1.5))
+    sample = study.sample(("multi-scale", 0), {SPEED: 3.0})
+    np.testing.assert_allclose(sample.friction.speed, 3.0)
+    np.testing.assert_allclose(sample.friction.mu, 0.4 + 0.2 * np.exp(-1.5))
+    np.testing.assert_allclose(sample.friction.equilibrium, sample.friction.mu)
+    np.testing.assert_allclose(sample.friction.slope, -0.1 * np.exp(-1.5))
     faster = [*COARSE, FALLING, damping, "motion.speed='3 m/s'"]
     written = model.prepare(BLOCK, faster, parameters={SPEED: (1.5, 4.0)})
     s = prepared.modes({SPEED: 3.0}).s
@@ -237,8 +239,8 @@ def test_full_order_is_that_of_the_scene_written_with_the_values(damped):
          "stability.damping.rayleigh=['50 1/s','4e-8 s']"],
     )  # fmt: skip
     models = damped.study.models
-    sample = damped.study._draw("multi-scale", 0, values)
-    found = models.terms.bulk + models.changes.damping_change(sample.random)
+    sample = damped.study.sample(("multi-scale", 0), values)
+    found = models.brake.terms.bulk + models.brake.changes.change(sample.values, "C")
     expected = damping_terms(written, assemble_brake(written, MPI.COMM_SELF)).bulk
     assert abs(found - expected).max() < 1e-12 * abs(expected).max()
 
@@ -250,8 +252,8 @@ def test_rayleigh_closed_form():
     models = model.prepare(BLOCK, [*COARSE, rayleigh], parameters=ends).study.models
     contact = ContactLinearisation.of(0 * models.brake.w, 0.5)
     for alpha, beta in ((0.0, 1e-7), (200.0, 0.0), (130.0, 4e-8)):
-        x = models.parameter_point({C44: 1.1e9, ALPHA: alpha, BETA: beta})
-        found = models.reduced[True].modes(x, contact, 0.3)
+        x = models.brake.at({C44: 1.1e9, ALPHA: alpha, BETA: beta}).point
+        found = models.reduction.models[True].modes(x, contact, 0.3)
         elastic = np.abs(found.s) > 1e3
         s, error = found.s[elastic], found.error[elastic]
         omega = np.abs(s)
@@ -276,13 +278,13 @@ def test_speed_of_a_turning_body():
     models = prepared.study.models
     faster = read_scene(BLOCK, [*TURNING, "motion.speed='200 rad/s'"])
     expected = damping_terms(faster, assemble_brake(faster, MPI.COMM_SELF)).bulk
-    found = models.terms.bulk + models.changes.damping_change({SPEED: 200.0})
+    found = models.brake.terms.bulk + models.brake.changes.change({SPEED: 200.0}, "C")
     assert abs(found - expected).max() < 1e-12 * abs(expected).max()
 
 
 def test_a_scalar_of_one_body_costs_the_other_no_anchors(damped):
     """The loss of the lining is not the plate's, whose interpolation is over alpha and beta."""
-    bodies = damped.study.models.reduced[True].bodies
+    bodies = damped.study.models.reduction.models[True].bodies
     assert sorted(len(b.component._own) for b in bodies) == [2, 4]
 
 

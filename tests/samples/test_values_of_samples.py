@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from brake_fenicsx import model
-from brake_fenicsx.build.changes import changed_materials
+from brake_fenicsx.build.values import Values
 from brake_fenicsx.samples.inputs import law_factor
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.samples_section import unit_of
@@ -140,7 +140,7 @@ def test_sample_with_a_value_is_the_scene_with_it(folder, law, key, factor, draw
         random = f"samples.random.\"{key}\"={{ law='uniform', min={low}, max={high} }}"
         stages = f"{STAGES[:-1]},'uncertainty']"
         prepared = model.prepare(scene, [*base, stages, random], cache=cache)
-        value = prepared.study._draw(approach, 0).random[key]
+        value = prepared.study.sample((approach, 0)).values[key]
     else:
         prepared = model.prepare(scene, base, cache=cache, parameters={key: ends})
         value = nominal * factor
@@ -149,7 +149,7 @@ def test_sample_with_a_value_is_the_scene_with_it(folder, law, key, factor, draw
     more = written(key, value)
     if law == "library" and key.startswith("materials"):
         read = read_scene(scene, base)
-        ratio = law_factor(read, "block_plate", changed_materials(read, {key: value}))
+        ratio = law_factor("block_plate", Values(read, {key: value}))
         more.append(f"micro.E={quantity(2.3e9 * ratio, 'Pa')}")
     whole = model.prepare(scene, [*base, *more], cache=cache)
     exact_eq, exact = whole.equilibrium_and_modes({}, approach)

@@ -261,7 +261,7 @@ def test_branches_of_the_demo_brake_are_the_modes_of_full_order():
     assert not any(end == CUT for end in found.ends)
     for i, x in enumerate(values):
         eq, _ = demo.equilibrium_and_modes({key: x})
-        sample = demo.study._draw("multi-scale", 0, {key: x})
+        sample = demo.study.sample(("multi-scale", 0), {key: x})
         full = full_modes(demo.study.models, sample, eq)
         f, damping = found.frequency[:, i], found.damping[:, i]
         here = 2 * np.pi * f * (1j - 0.5 * damping)

@@ -14,13 +14,14 @@ with the rates that the scene's damping terms name. Without them its direction d
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.macro.friction import Coefficient, Friction
 from brake_fenicsx.macro.gap import EnrichedGap
+from brake_fenicsx.macro.patch_forces import patch_forces, sliding
 
 from .harmonic_balance import Tangent
 
@@ -32,53 +33,52 @@ EXPONENT = 2.0
 # Slip velocity below which the direction of friction is smoothed, over the sliding speed.
 SMOOTH = 1e-3
 
-# Speeds [m/s], shape (elements, times) -> friction coefficients and their slopes [s/m].
-Coefficient = Callable[[Array], tuple[Array, Array]]
-
 
 @dataclass(frozen=True, slots=True)
-class PatchForces:
-    """Forces of some contact elements; see ``harmonic_balance.Forces``.
+class PeriodForces:
+    """Forces of some contact elements over a period; see ``harmonic_balance.Forces``.
 
     Attributes:
         laws: law and critical gap of each element.
         yields: whether a hardness limits its pressure, shape (elements,).
         w: areas [m^2].
         g: gaps at equilibrium [m].
-        mu: friction coefficient of each.
-        speed: sliding speeds V [m/s].
-        interface: number of the interface of each element.
+        friction: of each element.
         followed: motions that forces follow: "N", then "T" and "R" where they follow rates.
-        coefficients: friction of each interface over the speed; none where it does not change.
+        coefficient: friction by the slip speed; None where it does not change.
     """
 
     laws: EnrichedGap
     yields: NDArray[np.bool_]
     w: Array
     g: Array
-    mu: Array
-    speed: Array
-    interface: NDArray[np.int64]
+    friction: Friction
     followed: str = "N"
-    coefficients: tuple[Coefficient, ...] = ()
+    coefficient: Coefficient | None = None
 
     def __call__(self, y: Array, v: Array) -> tuple[Array, Tangent]:
         """Forces beyond those of the equilibrium [N], and their tangent."""
-        blocks, c = len(self.followed), self.w.size
-        acting = self._acting
+        blocks, c, mu = len(self.followed), self.w.size, self.friction.mu
         y, v = y.reshape(blocks, c, -1), v.reshape(blocks, c, -1)
-        time = np.argmin(y[0], axis=1)
         p, k, past = self.pressure(self.g[:, None] + y[0])
         p_e = self.pressure(self.g[:, None])[0]
-        direction, slopes = self._directions(v)
-        steady = np.zeros((acting, c, 1))
-        steady[0], steady[1:2] = 1.0, self.mu[:, None]
-        w = self.w[:, None]
-        to_y = np.zeros((acting, blocks, c, y.shape[2]))
-        to_y[:, 0] = -w * direction * k
-        to_v = w * slopes * p if blocks > 1 else None
-        tangent = Tangent(to_y, to_v, w * direction * past if past.any() else None, time)
-        forces = w * (direction * p - steady * p_e)
+        traction, slopes = sliding(mu[:, None], p), None
+        rates = ["TR".index(name) for name in self.followed[1:]]
+        if rates:
+            slip = np.zeros((2, *p.shape))
+            slip[rates] = v[1:]
+            traction, slopes = self.friction.traction(slip, self.coefficient, SMOOTH)
+        acting = 1 + max((1, *(1 + rate for rate in rates))) if rates else 1
+        moving = patch_forces(self.w, p, k, traction, slopes)
+        still = patch_forces(self.w, p_e, 0 * p_e, sliding(mu[:, None], p_e))
+        to_y, to_v = np.zeros((2, acting, blocks, *p.shape))
+        to_y[:, 0], to_v[:, 1:] = moving.gap[:acting], moving.rate[:acting, rates]
+        to_past = patch_forces(self.w, past, 0 * past, traction).value[:acting]
+        tangent = Tangent(
+            to_y, to_v if rates else None, to_past if past.any() else None,
+            np.argmin(y[0], axis=1),
+        )  # fmt: skip
+        forces = (moving.value - still.value)[:acting]
         return forces.reshape(-1, y.shape[2]), tangent
 
     def pressure(self, g: Array) -> tuple[Array, Array, Array]:
@@ -99,40 +99,6 @@ class PatchForces:
             p[soft], k[soft], moved = _elastic(g[soft] - g_m, p_m, k_m, v_m, slope)
             past[soft] = moved * (lowest < self.g[soft, None])
         return p, k, past
-
-    @property
-    def _acting(self) -> int:
-        """Blocks of acting rows."""
-        return 1 if self.followed == "N" else 2 + ("R" in self.followed)
-
-    def _directions(self, v: Array) -> tuple[Array, Array]:
-        """Force over normal force along each acting row, and its derivatives to the velocities."""
-        blocks, c, times = v.shape
-        shape = c, times
-        out, slopes = np.ones((self._acting, *shape)), np.zeros((self._acting, blocks, *shape))
-        out[1:2] = self.mu[:, None]
-        if blocks == 1:
-            return out, slopes
-        V, zero = self.speed[:, None], np.zeros((c, times))
-        t, r = self.followed.find("T"), self.followed.find("R")
-        along, across = V - (v[t] if t > 0 else zero), v[r] if r > 0 else zero
-        small = np.where(V > 0, SMOOTH * V, 1.0)
-        size = np.sqrt(along**2 + across**2 + small**2)
-        mu, fall = out[1].copy(), zero.copy()
-        for i, coefficient in enumerate(self.coefficients):
-            own = self.interface == i
-            mu[own], fall[own] = coefficient(size[own])
-        m, dm = mu / size, (fall - mu / size) / size**2
-        out[1] = m * along
-        if t > 0:
-            slopes[1, t] = -(m + dm * along**2)
-        if r > 0:
-            out[2] = -m * across
-            slopes[1, r] = dm * along * across
-            slopes[2, r] = -(m + dm * across**2)
-            if t > 0:
-                slopes[2, t] = dm * along * across
-        return out, slopes
 
 
 def _seen(laws: EnrichedGap, chosen: NDArray[np.bool_], g: Array) -> tuple[NDArray, Array]:

@@ -9,18 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.extras.limit_cycle.contact_forces import Coefficient, PatchForces
+from brake_fenicsx.extras.limit_cycle.contact_forces import PeriodForces
 from brake_fenicsx.extras.limit_cycle.sample import Faces, SampleCycles, Settings, cycles_of_modes
 from brake_fenicsx.extras.limit_cycle.sound import nodes_of
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.samples.models import Models
-from brake_fenicsx.samples.sampling import coefficient
+from brake_fenicsx.samples.sampling import friction_law
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.approaches import PERFECT, friction_of
+from brake_fenicsx.scene.approaches import PERFECT
 from brake_fenicsx.stability.modes import Modes
 
 if TYPE_CHECKING:
-    from brake_fenicsx.samples.sampling import SampleInput
+    from brake_fenicsx.samples.sampling import Sample
 
 
 class Cycles:
@@ -43,8 +43,7 @@ class Cycles:
 
     def of(
         self,
-        approach: str,
-        sample: SampleInput,
+        sample: Sample,
         eq: Equilibrium,
         modes: Modes,
         partner: NDArray[np.intp],
@@ -53,7 +52,6 @@ class Cycles:
         """Limit cycles of a sample's growing modes, as arrays to store; see ``cycles_of_modes``.
 
         Args:
-            approach: of the sample.
             sample: its inputs.
             eq: its equilibrium.
             modes: its modes.
@@ -65,28 +63,22 @@ class Cycles:
         """
         if not reduced:
             raise InaccurateResult("a sample at full order has none: they are of the reduced model")
-        cycles, slip = self.sample(approach, sample, eq), self._models.contact(sample.random).T
+        cycles, slip = self.sample(sample, eq), sample.brake.contact.T
         return cycles_of_modes(cycles, modes, self._settings, self._faces, slip)
 
-    def sample(self, approach: str, sample: SampleInput, eq: Equilibrium) -> SampleCycles:
+    def sample(self, sample: Sample, eq: Equilibrium) -> SampleCycles:
         """The equations of a sample; arguments as above."""
-        models, scene = self._models, self._scene
-        damped = models.damped(approach)
-        model, interface = models.reduced[damped], models.brake.contact.interface
+        reduction, scene, approach = self._models.reduction, self._scene, sample.approach
+        model, interface = reduction.of(sample), sample.brake.contact.interface
         tables = list(scene.contact.items())
         hard = scene.micro is not None and scene.micro.hardness is not None
         yields = np.array([
             hard and table.law == "library" and approach not in PERFECT for _, table in tables
         ])  # fmt: skip
-        values = (
-            sample.random.get(f"contact.{name}.friction", friction_of(scene, approach, name))
-            for name, _ in tables
-        )
-        coefficients: tuple[Coefficient, ...] = tuple(partial(coefficient, v) for v in values)
-        forces = PatchForces(
-            sample.laws, yields[interface], models.contact(sample.random).w, eq.g, sample.mu,
-            sample.speed, interface, model.rows.followed,
-            coefficients if "T" in model.rows.followed else (),
+        followed, given = model.rows.followed, (sample.brake.contact, approach, sample.values)
+        forces = PeriodForces(
+            sample.laws, yields[interface], sample.brake.contact.w, eq.g, sample.friction,
+            followed, friction_law(*given) if "T" in followed else None,
         )  # fmt: skip
-        p = models.parameter_point(sample.random)
-        return SampleCycles(model, p, forces, eq.p > 0, damped)
+        damped = reduction.damped(approach)
+        return SampleCycles(model, sample.brake.point, forces, eq.p > 0, damped)

@@ -112,7 +112,7 @@ class SampleCycles:
         own = self.forces.w * self.closed
         weights[: own.size] = own / own.sum()
         loss = 0.0 if self.damped else LOSS
-        bodies = reduced_bodies(self.model, self.p, self.forces.mu)
+        bodies = reduced_bodies(self.model, self.p, self.forces.friction.mu)
         return HarmonicBalance(
             bodies, self.forces, weights, settings.harmonics, settings.points, loss
         )
@@ -140,8 +140,8 @@ class SampleCycles:
                 # A body without a kept mode moves by its local compliance alone: no number.
                 numbers.append(float(np.linalg.norm(each, axis=1).max(initial=0.0)) or np.nan)
         rate = np.abs(problem.over_time(slip @ (u * at.lam))).max(axis=1)
-        moving = (forces.speed > 0) & self.closed
-        ratio = (rate[moving] / forces.speed[moving]).max(initial=0.0)
+        moving = (forces.friction.speed > 0) & self.closed
+        ratio = (rate[moving] / forces.friction.speed[moving]).max(initial=0.0)
         level = decibels(sound_power(faces.disc, u, omega))
         last = np.linalg.norm(at.y[:, -1]) / np.linalg.norm(at.y[:, 1])
         mu = exponents(problem, at) if cycle.kind == STABLE else np.full(2, np.nan + 0j)

@@ -18,6 +18,7 @@ from mpi4py import MPI
 import numpy as np
 
 from brake_fenicsx.build.brake import check_brake
+from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.extras.variants.countermeasure_keys import Countermeasure
 from brake_fenicsx.folder.files import digest
@@ -28,7 +29,7 @@ from brake_fenicsx.model import Model, prepare
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.statistics import Proportion, wilson
 from brake_fenicsx.results.tables import Value
-from brake_fenicsx.samples.inputs import inputs_of, law_factor, law_material, scaled_interfaces
+from brake_fenicsx.samples.inputs import check_values, law_factor, law_material, scaled_interfaces
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.samples_section import ROUGH, is_constant, split_key
@@ -133,8 +134,9 @@ class Search:
                     f"{scene.file}: [micro] is of {' and '.join(sorted(behind))}, and follows none"
                     " of them alone; run both scenes and use brake-fenicsx compare"
                 )
-            stiffer = inputs_of(scene, ROUGH[0], {c.key: x}).materials
-            factor = law_factor(scene, names[0], stiffer)
+            stiffer = Values(scene, {c.key: x})
+            check_values(ROUGH[0], stiffer)
+            factor = law_factor(names[0], stiffer)
             given = {"E": scene.micro.E, "hardness": scene.micro.hardness}
             out += [f'micro.{n}="{v * factor!r} Pa"' for n, v in given.items() if v is not None]
         return out

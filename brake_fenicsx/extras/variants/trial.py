@@ -100,7 +100,7 @@ class Trial:
         self._study, self._worst, self._comm, self._key = study, worst, comm, key
         body = study.models.numbering.body
         shapes = shapes_at_dofs(worst.shapes, dof_points(study.brake), body)
-        found = study.models.coordinates(shapes)
+        found = study.models.coordinates.of(shapes)
         if found is None:
             raise ValueError("a scene with a sweep has coordinates")
         self._known = found / np.linalg.norm(found, axis=0)

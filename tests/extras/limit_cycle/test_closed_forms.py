@@ -7,7 +7,7 @@ from scipy.optimize import root
 from scipy.special import ellipk, iv
 
 from brake_fenicsx.extras.limit_cycle.bodies import Bodies
-from brake_fenicsx.extras.limit_cycle.contact_forces import PatchForces
+from brake_fenicsx.extras.limit_cycle.contact_forces import PeriodForces
 from brake_fenicsx.extras.limit_cycle.growth import (
     STABLE,
     UNSTABLE,
@@ -17,6 +17,7 @@ from brake_fenicsx.extras.limit_cycle.growth import (
     time_to_reach,
 )  # fmt: skip
 from brake_fenicsx.extras.limit_cycle.harmonic_balance import HarmonicBalance, Tangent, Vibration
+from brake_fenicsx.macro.friction import Friction
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
 from oscillators import first_vibration, matrices, no_growth, oscillator, van_der_pol
@@ -24,10 +25,11 @@ from oscillators import first_vibration, matrices, no_growth, oscillator, van_de
 U0, P0, AREA = 0.3e-6, 10e6, 8e-6
 
 
-def patch(law, g=0.0, mu=0.0, **more):
+def patch(law, g=0.0, mu=0.0, speed=1.0, area=AREA, **more):
     laws = EnrichedGap(OneLaw(law), np.zeros(1, dtype=np.intp), np.zeros(1))
     one = np.ones(1)
-    return PatchForces(laws, one < 0, AREA * one, g * one, mu * one, one, 0 * one, **more)
+    friction = Friction(mu * one, 0 * one, speed * one, one > 0)
+    return PeriodForces(laws, one < 0, area * one, g * one, friction, **more)
 
 
 @pytest.mark.parametrize("ratio", [0.5, 1, 2, 5, 10])
@@ -251,9 +253,8 @@ def test_falling_friction():
 
     law = patch(
         exponential_law(1.0, 1.0), mu=coefficient(vb)[0], followed="NT",
-        coefficients=(coefficient,),
+        coefficient=coefficient, speed=vb, area=1.0,
     )  # fmt: skip
-    law.speed[:], law.w[:] = vb, 1.0
     one = np.ones((1, 1))
     bodies = matrices(one, c * one, one, np.array([[0.0], [1.0]]), np.array([[0.0], [1.0]]))
     problem = HarmonicBalance(bodies, law, np.array([0.0, 1.0]), 9, 64)

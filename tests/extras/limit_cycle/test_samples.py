@@ -9,7 +9,6 @@ from brake_fenicsx import prepare
 from brake_fenicsx.extras.limit_cycle.floquet import exponents, verdict
 from brake_fenicsx.extras.limit_cycle.growth import STABLE
 from brake_fenicsx.extras.limit_cycle.sample import Settings
-from brake_fenicsx.samples.solve import sample_damping
 from time_steps import TimeSteps, measured
 
 SCENES = Path(__file__).parents[3] / "scripts" / "scenes"
@@ -45,7 +44,7 @@ def prepared(scene, k, beta):
     damping = f"stability.damping={{ rayleigh = ['0 1/s', '{beta:g} s'] }}"
     study = prepare(str(SCENES / file), ["limit_cycle={}", *changes, damping]).study
     task = ("multi-scale", k)
-    return study, study._draw(*task), *study.solved(task, {})
+    return study, study.sample(task), *study.solved(task, {})
 
 
 def squealing(scene, k, share):
@@ -68,7 +67,7 @@ def cycle_and_steps(scene, k, share, seconds, start):
     """
     study, sample, eq, modes, mode = squealing(scene, k, share)
     settings = Settings(9, 64, 20e-6)
-    cycles = study.cycles.sample("multi-scale", sample, eq)
+    cycles = study.cycles.sample(sample, eq)
     problem = cycles.problem(settings)
     branch = cycles.branch(problem, modes.s[mode], modes.right[:, mode], settings.largest)
     # The branch begins at the linear mode.
@@ -78,8 +77,8 @@ def cycle_and_steps(scene, k, share, seconds, start):
     shift, *others = exponents(problem, at)
     largest = max(others, key=lambda one: one.real)
     outcome = verdict(largest.real, abs(shift.real), largest.imag / at.s.imag)
-    C = sample_damping(study.models, sample, eq.p)
-    steps = TimeSteps(study.brake, eq, sample.laws, sample.mu, C, beyond=scene[2])
+    C = sample.brake.C(sample.friction, eq.p)
+    steps = TimeSteps(study.brake, eq, sample.laws, sample.friction.mu, C, beyond=scene[2])
     weights = study.brake.w * (eq.p > 0)
     gaps = steps.run(seconds, 2.5e-7, start * at.amplitude)
     found = measured(gaps, 2.5e-7, weights / weights.sum())
@@ -111,7 +110,7 @@ def test_a_branch_through_resonances_of_higher_harmonics(size, k, share):
     """Little damping: harmonics meet modes on the way, and the branch turns; it is not lost."""
     scene = BLOCK[0], [*BLOCK[1], f"parts.block.size='{size}'"], np.inf
     study, sample, eq, modes, mode = squealing(scene, k, share)
-    cycles, settings = study.cycles.sample("multi-scale", sample, eq), Settings(5, 32, 20e-6)
+    cycles, settings = study.cycles.sample(sample, eq), Settings(5, 32, 20e-6)
     problem = cycles.problem(settings)
     branch = cycles.branch(problem, modes.s[mode], modes.right[:, mode], settings.largest)
     assert branch.cycles[0].kind == STABLE
