@@ -240,10 +240,8 @@ class Model:
         chosen = named[0] if approach is None else approach
         count = sum(task[0] == chosen for task in self.study.tasks)
         if sample not in range(count):
-            raise SceneError(
-                f"{self.scene.file}: sample {sample} of {chosen!r}: approaches are"
-                f" {', '.join(named)}, and it has {count} samples"
-            )
+            raise SceneError(f"""{self.scene.file}: sample {sample} of {chosen!r}: approaches are
+                {", ".join(named)}, and it has {count} samples""")
         return chosen, sample
 
 
@@ -282,10 +280,8 @@ def prepare(
     }
     parsed = _with_ranges(parsed, given)
     if extensions is not None and (directory is not None or cache is not None):
-        raise SceneError(
-            f"{parsed.file}: extensions: leave out directory and cache, whose files are known"
-            " by the scene alone"
-        )
+        raise SceneError(f"""{parsed.file}: extensions: leave out directory and cache, whose files
+            are known by the scene alone""")
     folder = None
     if directory is None:
         # One folder of all processes; the first one removes it.

@@ -103,9 +103,8 @@ def run(
     """
     parsed = read_scene(scene, overrides)
     if not parsed.stages:
-        raise SceneError(
-            f"{parsed.file}: stages = []: nothing to run; name some of {', '.join(STAGES)}"
-        )
+        raise SceneError(f"""{parsed.file}: stages = []: nothing to run; name some of
+            {", ".join(STAGES)}""")
     if directory is None:
         directory = Path.cwd() / f"{parsed.file.stem}-results"
     store = Store(Path(directory))
@@ -172,10 +171,9 @@ def refuse_if_all_failed(this: Run) -> None:
     good = sum(about["good"] for about in this.facts.get("samples", {}).values())
     failed = this.comm.bcast(0 if good else this.facts.get("failed_samples", 0), root=0)
     if failed:
-        raise BrakeError(
-            f"all samples failed ({failed} of {failed}); {this.store.path('samples.csv')} names the"
-            " error of each, and --from uncertainty computes them again"
-        )
+        raise BrakeError(f"""all samples failed ({failed} of {failed});
+            {this.store.path("samples.csv")} names the error of each, and --from uncertainty
+            computes them again""")
 
 
 def before_samples(

@@ -45,9 +45,8 @@ def whole_file(path: Path, durable: bool = False) -> Iterator[Path]:
             _sync(path.parent)
     except OSError as error:
         why = str(error.strerror or error).replace(str(part), str(path))
-        raise StorageError(
-            f"{path}: cannot be written ({why}); the same command resumes the run once it can"
-        ) from error
+        raise StorageError(f"""{path}: cannot be written ({why}); the same command resumes the run
+            once it can""") from error
     finally:
         part.unlink(missing_ok=True)
 

@@ -69,9 +69,8 @@ class Store(ResultFiles):
         self.digest = digest
         folder, remedy = self.directory, "choose another folder with -o"
         if folder.is_symlink() and not folder.exists():
-            raise SceneError(
-                f"-o {folder}: a broken symbolic link (to {os.readlink(folder)}); {remedy}"
-            )
+            raise SceneError(f"""-o {folder}: a broken symbolic link (to {os.readlink(folder)});
+                {remedy}""")
         mark = self._mark()
         if mark == digest:
             return
@@ -79,15 +78,11 @@ class Store(ResultFiles):
         if known == digest:
             logger.warning("%s: damaged or lost; the samples are of this scene", self.path(MARK))
         elif mark or known:
-            raise SceneError(
-                f"{folder}: contains results of another scene, or of other content of a file"
-                f" that it names; {remedy}"
-            )
+            raise SceneError(f"""{folder}: contains results of another scene, or of other content of
+                a file that it names; {remedy}""")
         elif mark is not None:
-            raise SceneError(
-                f"{self.path(MARK)}: damaged, and no sample says which scene the folder is of;"
-                f" {remedy}, or remove the folder"
-            )
+            raise SceneError(f"""{self.path(MARK)}: damaged, and no sample says which scene the
+                folder is of; {remedy}, or remove the folder""")
         elif found := sorted(p.name for p in folder.glob("[!.]*") if p.name != RUNNING):
             raise SceneError(f"-o {folder}: contains {found[0]!r} and no results; {remedy}")
 

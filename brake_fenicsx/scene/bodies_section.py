@@ -111,10 +111,8 @@ class Spring:
         if all(getattr(self, kind) is None for kind in kinds):
             yield f": neither stiffness nor damping; write {', '.join(kinds)}"
         if self.faces is not None and self.stiffness_per_area is not None:
-            yield (
-                ".stiffness_per_area: is for a face and the ground; write the total of the two"
-                " faces as stiffness, or a tie with its stiffness"
-            )
+            yield """.stiffness_per_area: is for a face and the ground; write the total of the two
+                faces as stiffness, or a tie with its stiffness"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,10 +173,8 @@ class Motion:
         """An axis or a direction, and a speed about or along it."""
         for name in ("axis", "point") if self.direction is not None else ():
             if (value := getattr(self, name)) is not None:
-                yield (
-                    f".{name} = {shown(value)}: a disc turns about an axis or slides along a"
-                    f" direction; leave motion.{name} or motion.direction out"
-                )
+                yield f""".{name} = {shown(value)}: a disc turns about an axis or slides along a
+                    direction; leave motion.{name} or motion.direction out"""
         try:
             _ = self.rate
         except ValueError as error:

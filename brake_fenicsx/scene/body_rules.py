@@ -30,23 +30,18 @@ def part_mistakes(s: Scene) -> Iterator[str]:
     for name, part in s.parts.items():
         where = f"parts.{name}"
         if part.builder is None and part.matrices is None and s.mesh.file is None:
-            yield (
-                f"{where}.builder: missing; use one of {', '.join(BUILDERS)}, or name a mesh.file"
-            )
+            yield f"""{where}.builder: missing; use one of {", ".join(BUILDERS)}, or name a
+                mesh.file"""
         if part.parameters is not None:
             longest, length = max(part_lengths(part.parameters).items(), key=lambda item: item[1])
             if not low <= length <= high:
-                yield (
-                    f"{where}.{longest} = {length:.3g} m: the longest length of the part, not"
-                    f" between {low:g} m and {high:g} m; correct the unit, or widen mesh.extent"
-                )
+                yield f"""{where}.{longest} = {length:.3g} m: the longest length of the part, not
+                    between {low:g} m and {high:g} m; correct the unit, or widen mesh.extent"""
             for key, share in FINEST.items():
                 size = getattr(part.parameters, key, None)
                 if size is not None and size < share * length:
-                    yield (
-                        f"{where}.{key} = {size:.3g} m: less than {share:g} of the part's {longest}"
-                        f" = {length:.3g} m, more cells than can be made; correct the unit"
-                    )
+                    yield f"""{where}.{key} = {size:.3g} m: less than {share:g} of the part's
+                        {longest} = {length:.3g} m, more cells than can be made; correct the unit"""
         for material in part.materials:
             if material not in s.materials:
                 yield f"{where}.material = {material!r}: there is no [materials.{material}]"
@@ -73,15 +68,11 @@ def face_mistakes(s: Scene) -> Iterator[str]:
     for name, tie in s.ties.items():
         for face in tie.faces:
             if face in touching:
-                yield (
-                    f"ties.{name}.faces: {face!r} is in contact.{touching[face]} as well, whose"
-                    " faces the tie would glue; leave one out, or divide the face"
-                )
+                yield f"""ties.{name}.faces: {face!r} is in contact.{touching[face]} as well, whose
+                    faces the tie would glue; leave one out, or divide the face"""
     if s.masses and s.damping and s.damping.gyroscopic:
-        yield (
-            f"masses: {', '.join(s.masses)}: stability.damping.gyroscopic knows the density of the"
-            " bodies alone; leave the masses or gyroscopic out"
-        )
+        yield f"""masses: {", ".join(s.masses)}: stability.damping.gyroscopic knows the density of
+            the bodies alone; leave the masses or gyroscopic out"""
     for face, load in s.loads.items():
         where = f'loads."{face}"'
         if load.displacement is not None:
@@ -89,10 +80,8 @@ def face_mistakes(s: Scene) -> Iterator[str]:
         part = s.parts.get(face.partition(".")[0])
         both = getattr(getattr(part, "parameters", None), "side", None) == "both"
         if both and (load.force or load.moment):
-            yield (
-                f"{where}: the face lies on both sides of the disc; write a pressure, or side ="
-                ' "top" and a second part with side = "bottom"'
-            )
+            yield f"""{where}: the face lies on both sides of the disc; write a pressure, or side =
+                "top" and a second part with side = "bottom" """
 
 
 def _displacement(s: Scene, face: str, moved: dict[str, float]) -> Iterator[str]:
@@ -101,20 +90,16 @@ def _displacement(s: Scene, face: str, moved: dict[str, float]) -> Iterator[str]
     if unknown := [c for c in moved if c not in DIRECTIONS]:
         yield f"{where}: {unknown[0]!r}: unknown direction; write x, y or z"
     if not moved or any(c not in held for c in moved):
-        yield (
-            f"{where} = {moved!r}: moves directions that a support holds; write"
-            f' supports."{face}" = ["x", "y", "z"], or those of them that are meant'
-        )
+        yield f"""{where} = {moved!r}: moves directions that a support holds; write
+            supports."{face}" = ["x", "y", "z"], or those of them that are meant"""
     part = s.parts.get(face.partition(".")[0])
     if part is None or part.matrices is not None:
         yield f"{where}: moves a face of a mesh; write a force on the set of nodes"
     else:
         for name in s.varied:
             if name.split(".")[1] in (*part.materials, face.partition(".")[0]):
-                yield (
-                    f"{where}: the force of the displacement would change with {name}; leave that"
-                    " out, or write a force"
-                )
+                yield f"""{where}: the force of the displacement would change with {name}; leave
+                    that out, or write a force"""
 
 
 def damping_mistakes(scene: Scene) -> Iterator[str]:
@@ -123,10 +108,9 @@ def damping_mistakes(scene: Scene) -> Iterator[str]:
     if "stability" in scene.stages and not (table and table.loss):
         for name in sorted(used_materials(scene)):
             if loss := scene.materials[name].loss:
-                yield (
-                    f"{dotted('materials', name, 'loss')} = {loss:g}: acts only with {WHERE}.loss ="
-                    f" true; write it, with {WHERE}.omega_ref, or leave the loss factor out"
-                )
+                yield f"""{dotted("materials", name, "loss")} = {loss:g}: acts only with
+                    {WHERE}.loss = true; write it, with {WHERE}.omega_ref, or leave the loss factor
+                    out"""
     if table is None:
         return
     if table.loss and not any(scene.materials[name].loss for name in used_materials(scene)):
@@ -153,15 +137,11 @@ def _friction(scene: Scene, table: Damping) -> Iterator[str]:
     if not table.slope:
         return
     if not any(depends_on_speed(c.friction) for n, c in scene.contact.items() if slides(scene, n)):
-        yield (
-            f"{WHERE}.slope: no friction depends on the speed; write"
-            " contact.NAME.friction = { static = .., kinetic = .., decay = .. }"
-        )
+        yield f"""{WHERE}.slope: no friction depends on the speed; write contact.NAME.friction = {{
+            static = .., kinetic = .., decay = .. }}"""
     if all(one_friction(scene, a) for a in approaches):
-        yield (
-            f"{WHERE}.slope: samples.classical.friction is one number in the approaches"
-            f" {', '.join(approaches)}; leave it out, or name multi-scale or joint"
-        )
+        yield f"""{WHERE}.slope: samples.classical.friction is one number in the approaches
+            {", ".join(approaches)}; leave it out, or name multi-scale or joint"""
 
 
 def _turning(scene: Scene) -> Iterator[str]:
@@ -179,10 +159,8 @@ def _turning(scene: Scene) -> Iterator[str]:
     for where, faces in (joints | stuck).items():
         parts = {face.partition(".")[0] for face in faces}
         if (rests := parts - turns) and parts & turns:
-            yield (
-                f"{where}: {', '.join(rests)} does not turn, and the part that it is joined to"
-                f" does; write {WHERE}.gyroscopic = {json.dumps(sorted(turns | parts))}"
-            )
+            yield f"""{where}: {", ".join(rests)} does not turn, and the part that it is joined to
+                does; write {WHERE}.gyroscopic = {json.dumps(sorted(turns | parts))}"""
 
 
 def _modal(scene: Scene) -> Iterator[str]:
@@ -191,8 +169,5 @@ def _modal(scene: Scene) -> Iterator[str]:
     wanted = {"method": "reduced", "verify": 0, "on_tolerance": "warn", "drivers": False}
     for name, value in wanted.items():
         if getattr(stability, name) != value:
-            yield (
-                f"{WHERE}.modal: ratios belong to the modes of the parts, which only the reduced"
-                f" model has; write stability.{name} = {json.dumps(value)}, or name rayleigh or"
-                " loss"
-            )
+            yield f"""{WHERE}.modal: ratios belong to the modes of the parts, which only the reduced
+                model has; write stability.{name} = {json.dumps(value)}, or name rayleigh or loss"""

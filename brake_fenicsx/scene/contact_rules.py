@@ -22,10 +22,8 @@ def surface_mistakes(s: Scene) -> Iterator[str]:
     if "surface" in s.stages:
         yield from _scans(s, s.surface)
     if s.surface.S_q == "scan" and any(c.gap == "waviness" for c in s.contact.values()):
-        yield (
-            'surface.S_q = "scan": gap = "waviness" shares the variance of the spectrum; write'
-            ' surface.S_q = "spectrum", or gap = "hdf"'
-        )
+        yield """surface.S_q = "scan": gap = "waviness" shares the variance of the spectrum; write
+            surface.S_q = "spectrum", or gap = "hdf" """
 
 
 def _scans(s: Scene, surface: Surface) -> Iterator[str]:
@@ -44,10 +42,8 @@ def _scans(s: Scene, surface: Surface) -> Iterator[str]:
             yield f"surface.{name} = {file!r}: no such file; paths start at the scene's folder"
     for one, other in combinations(files, 2):
         if os.path.samefile(s.path(one), s.path(other)):
-            yield (
-                f"surface.scan: {other!r} is the same file as {one!r} and would count twice; leave"
-                " it out"
-            )
+            yield f"""surface.scan: {other!r} is the same file as {one!r} and would count twice;
+                leave it out"""
 
 
 def contact_mistakes(s: Scene) -> Iterator[str]:
@@ -59,18 +55,15 @@ def contact_mistakes(s: Scene) -> Iterator[str]:
         if contact.gap != "none" and "surface" not in s.stages:
             yield f'{where}.gap = "{contact.gap}": needs the stage surface'
         if contact.gap == "waviness" and s.micro is None:
-            yield (
-                f'{where}.gap = "waviness": needs micro.patch, the length from which waves are'
-                " longer"
-            )
+            yield f"""{where}.gap = "waviness": needs micro.patch, the length from which waves are
+                longer"""
     for (one, first), (two, second) in combinations(s.contact.items(), 2):
         for name in ("faces", "discretisation") if {*first.faces} == {*second.faces} else ():
             values = getattr(first, name), getattr(second, name)
             if values[0] != values[1]:
-                yield (
-                    f"contact.{two}.{name} = {shown(values[1])}: contact.{one} is on the same faces"
-                    f" with {shown(values[0])}; write the same, for the two divide its elements"
-                )
+                yield f"""contact.{two}.{name} = {shown(values[1])}: contact.{one} is on the same
+                    faces with {shown(values[0])}; write the same, for the two divide its
+                    elements"""
 
 
 def sweep_mistakes(s: Scene) -> Iterator[str]:
@@ -81,19 +74,15 @@ def sweep_mistakes(s: Scene) -> Iterator[str]:
     if "stability" not in s.stages:
         yield "sweep: follows complex modes; add the stage stability to stages"
     if not 1 <= len(sweep.parameters) <= 2:
-        yield (
-            f"sweep.parameters: {len(sweep.parameters)} keys; name one or two, such as"
-            ' "contact.NAME.friction" = { start = 0.0, stop = 0.8, steps = 41 }'
-        )
+        yield f"""sweep.parameters: {len(sweep.parameters)} keys; name one or two, such as
+            "contact.NAME.friction" = {{ start = 0.0, stop = 0.8, steps = 41 }}"""
     for name, values in sweep.parameters.items():
         for text in _range_mistakes(name, values):
             yield f"{dotted('sweep', 'parameters', name)}: {text}"
     written = f"sweep.samples = {sweep.samples}"
     if sweep.samples and sweep.second:
-        yield (
-            f"{written}: samples are followed over one parameter; leave"
-            f" {dotted('sweep', 'parameters', sweep.second)} or sweep.samples out"
-        )
+        yield f"""{written}: samples are followed over one parameter; leave
+            {dotted("sweep", "parameters", sweep.second)} or sweep.samples out"""
     if sweep.samples and not s.samples.rough:
         yield f"{written}: {NO_ROUGH_SAMPLES}"
     if sweep.samples and "uncertainty" not in s.stages:

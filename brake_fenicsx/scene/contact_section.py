@@ -150,15 +150,11 @@ class ContactTable:
         """Faces slide or stick."""
         k_t = self.tangential_stiffness
         if self.slip == "stuck" and k_t is None:
-            yield (
-                '.slip = "stuck": needs tangential_stiffness, that of the faces along each other,'
-                ' such as tangential_stiffness = "1e13 Pa/m"'
-            )
+            yield """.slip = "stuck": needs tangential_stiffness, that of the faces along each
+                other, such as tangential_stiffness = "1e13 Pa/m" """
         if self.slip == "motion" and k_t is not None:
-            yield (
-                f".tangential_stiffness = {k_t:g} Pa/m: acts where faces stick; write"
-                ' slip = "stuck" as well, or leave it out'
-            )
+            yield f""".tangential_stiffness = {k_t:g} Pa/m: acts where faces stick; write slip =
+                "stuck" as well, or leave it out"""
 
 
 def with_table(contact: ContactTable, name: str, folder: Path) -> ContactTable:
@@ -184,17 +180,13 @@ def with_table(contact: ContactTable, name: str, folder: Path) -> ContactTable:
     if d.size < MIN_ROWS:
         raise SceneError(f"{at}: {d.size} rows; a law needs {MIN_ROWS} or more")
     if p[0] <= 0.0:
-        raise SceneError(
-            f"{at}: {p[0]:g} Pa at the gap {d[0]:g} m; leave out rows without pressure: the law"
-            " falls to zero beyond the widest gap by itself"
-        )
+        raise SceneError(f"""{at}: {p[0]:g} Pa at the gap {d[0]:g} m; leave out rows without
+            pressure: the law falls to zero beyond the widest gap by itself""")
     wrong = np.flatnonzero((np.diff(d) >= 0.0) | (np.diff(p) <= 0.0))
     if wrong.size:
         i = int(wrong[0])
-        raise SceneError(
-            f"{at}: {p[i + 1]:g} Pa at the gap {d[i + 1]:g} m and {p[i]:g} Pa at {d[i]:g} m; the"
-            " pressure must rise as the gap falls: smooth the measured values"
-        )
+        raise SceneError(f"""{at}: {p[i + 1]:g} Pa at the gap {d[i + 1]:g} m and {p[i]:g} Pa at
+            {d[i]:g} m; the pressure must rise as the gap falls: smooth the measured values""")
     return replace(contact, law=replace(law, steps=(tuple(d.tolist()), tuple(p.tolist()))))
 
 
@@ -214,13 +206,11 @@ def _columns(path: Path, at: str) -> np.ndarray:
             if not rows and not heading:
                 heading = True
                 continue
-            raise SceneError(
-                f"{at}: line {number}: {line.strip()!r} does not contain two numbers; write a"
-                " gap and a pressure with decimal points, separated by a blank or a comma"
-            ) from None
+            raise SceneError(f"""{at}: line {number}: {line.strip()!r} does not contain two numbers;
+                write a gap and a pressure with decimal points, separated by a blank or a
+                comma""") from None
         if len(values) != 2 or not np.isfinite(values).all():
-            raise SceneError(
-                f"{at}: line {number}: {line.strip()!r}; write a gap and a pressure on each line"
-            )
+            raise SceneError(f"""{at}: line {number}: {line.strip()!r}; write a gap and a pressure
+                on each line""")
         rows.append(values)
     return np.array(rows, float).reshape(-1, 2).T

@@ -90,9 +90,8 @@ def _toml(path: Path) -> dict[str, Any]:
         raise SceneError(f"cannot be read ({error.strerror}); give the path of a scene") from None
     except (ValueError, RecursionError) as error:
         if path.suffix.lower() in MESH_FILES:
-            raise SceneError(
-                f"a mesh file; brake-fenicsx init {path} writes a first scene of it"
-            ) from None
+            raise SceneError(f"""a mesh file; brake-fenicsx init {path} writes a first scene of
+                it""") from None
         if not isinstance(error, UnicodeDecodeError):
             remedy = "; write paths with / or in single quotes" if "\\" in str(error) else ""
             raise SceneError(f"not a TOML file: {error}{remedy}") from None

@@ -45,19 +45,15 @@ def _names(s: Scene) -> Iterator[str]:
         for name in getattr(s, section):
             hidden = any(category(c)[0] == "C" or category(c) in ("Zl", "Zp") for c in name)
             if hidden or "." in name or not 0 < len(name.strip()) <= LONGEST_NAME:
-                yield (
-                    f"{dotted(section, name[:LONGEST_NAME])}: write a name of 1 to {LONGEST_NAME}"
-                    " visible characters without dots"
-                )
+                yield f"""{dotted(section, name[:LONGEST_NAME])}: write a name of 1 to
+                    {LONGEST_NAME} visible characters without dots"""
 
 
 def _stages(s: Scene) -> Iterator[str]:
     """Some are named; every one has its section and the stages it builds on."""
     if "stages" not in s.table:
-        yield (
-            f"stages: missing; name some of {', '.join(STAGES)}, or write stages = [] in a scene"
-            " of parts alone, for correlate and identify"
-        )
+        yield f"""stages: missing; name some of {", ".join(STAGES)}, or write stages = [] in a scene
+            of parts alone, for correlate and identify"""
     for stage, section in SECTIONS.items():
         if stage in s.stages and not getattr(s, section):
             yield f"stages: {stage!r} needs a section [{section}]"
@@ -88,10 +84,8 @@ def _varied(s: Scene) -> Iterator[str]:
             ways.setdefault(table, set()).add(last[0] == "C")
     for table, kinds in ways.items():
         if len(kinds) > 1:
-            yield (
-                f"samples.random, sweep.parameters: materials.{table} by stiffnesses and by"
-                " engineering constants; use one kind"
-            )
+            yield f"""samples.random, sweep.parameters: materials.{table} by stiffnesses and by
+                engineering constants; use one kind"""
 
 
 def _approaches(s: Scene) -> Iterator[str]:
@@ -103,17 +97,14 @@ def _approaches(s: Scene) -> Iterator[str]:
         if name not in s.samples.approaches:
             continue
         if not s.samples.random:
-            yield (
-                f"samples.approaches: {name!r} needs random inputs; write them in [samples.random]"
-            )
+            yield f"""samples.approaches: {name!r} needs random inputs; write them in
+                [samples.random]"""
         if not many:
             yield f"samples.approaches: {name!r} needs the stage uncertainty"
     for name in MANY if "equilibrium" in s.stages and not many else ():
         if s.table.get("samples", {}).get(name, 1) not in (1, {}):
-            yield (
-                f"samples.{name}: without the stage uncertainty there is one sample; add it to"
-                f" stages, or leave samples.{name} out"
-            )
+            yield f"""samples.{name}: without the stage uncertainty there is one sample; add it to
+                stages, or leave samples.{name} out"""
 
 
 def _limit_cycle(s: Scene) -> Iterator[str]:

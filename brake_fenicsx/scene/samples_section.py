@@ -321,11 +321,9 @@ def complete(d: Distribution, name: str, folder: Path) -> Distribution:
             raise SceneError(f"{where}.{key_} = {value:g}: {text}")
     wrong = [v for v in d.values if d.min <= v <= d.max and below_least(name, v)]
     if wrong:
-        raise SceneError(
-            f"{where}.values: {len(wrong)} of {len(d.values)} measured values"
-            f" {below_least(name, min(wrong))}, the least is {min(wrong):g}; correct them, or write"
-            " min, which leaves them out"
-        )
+        raise SceneError(f"""{where}.values: {len(wrong)} of {len(d.values)} measured values
+            {below_least(name, min(wrong))}, the least is {min(wrong):g}; correct them, or write
+            min, which leaves them out""")
     return d
 
 

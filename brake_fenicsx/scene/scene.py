@@ -52,10 +52,8 @@ class LimitCycle:
     def contradictions(self) -> Iterator[str]:
         """Points of time tell the harmonics apart."""
         if self.points <= 2 * self.harmonics:
-            yield (
-                f".points = {self.points}: more than twice limit_cycle.harmonics ="
-                f" {self.harmonics} are needed; 6 times as many or more see patches open"
-            )
+            yield f""".points = {self.points}: more than twice limit_cycle.harmonics =
+                {self.harmonics} are needed; 6 times as many or more see patches open"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,10 +53,8 @@ class ModalDamping:
         if not values or not all(value < 1 for value in values) or not any(values):
             yield f".ratio = {self.ratio}: write damping ratios below 1, some above 0"
         if len(self.frequency) != (len(values) if isinstance(self.ratio, tuple) else 0):
-            yield (
-                f": {len(self.frequency)} frequencies for {len(values)} ratios; write one ratio,"
-                " or lists of as many of both"
-            )
+            yield f""": {len(self.frequency)} frequencies for {len(values)} ratios; write one ratio,
+                or lists of as many of both"""
         if any(b <= a for a, b in pairwise(self.frequency)):
             yield ".frequency: the frequencies must rise"
 
@@ -152,10 +150,8 @@ class Stability:
     def contradictions(self) -> Iterator[str]:
         """The modes that are kept reach beyond the band."""
         if self.method == "reduced" and self.cutoff is not None and self.cutoff <= self.band[1]:
-            yield (
-                f".cutoff = {self.cutoff:g} Hz: must lie above the band's {self.band[1]:g} Hz;"
-                " raise it, or leave it out"
-            )
+            yield f""".cutoff = {self.cutoff:g} Hz: must lie above the band's {self.band[1]:g} Hz;
+                raise it, or leave it out"""
 
 
 def check_modal_names(table: Mapping[str, Any]) -> None:
@@ -174,7 +170,5 @@ def check_modal_names(table: Mapping[str, Any]) -> None:
         if name in ("ratio", "frequency") and not isinstance(value, dict):
             parts = table.get("parts")
             known = ", ".join(parts) if isinstance(parts, dict) else "none"
-            raise SceneError(
-                f"{WHERE}.modal.{name} = {shown(value)}: {name!r} is no part; write"
-                f" {WHERE}.modal.PART = {{ {name} = .. }}, PART one of {known}"
-            )
+            raise SceneError(f"""{WHERE}.modal.{name} = {shown(value)}: {name!r} is no part; write
+                {WHERE}.modal.PART = {{ {name} = .. }}, PART one of {known}""")

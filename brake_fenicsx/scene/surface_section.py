@@ -86,15 +86,11 @@ class Surface:
     def contradictions(self) -> Iterator[str]:
         """Scans or statistics, and what belongs to either."""
         if self.S_q == "scan" and self.form:
-            yield (
-                '.S_q = "scan": the variance is that of the scan, and surface.form adds longer'
-                " waves; leave one out"
-            )
+            yield """.S_q = "scan": the variance is that of the scan, and surface.form adds longer
+                waves; leave one out"""
         if self.grooves is not None and self.spectrum != "directional":
-            yield (
-                f'.grooves: spectrum = "{self.spectrum}" has no direction; write surface.spectrum ='
-                ' "directional", or leave it out'
-            )
+            yield f""".grooves: spectrum = "{self.spectrum}" has no direction; write
+                surface.spectrum = "directional", or leave it out"""
         if self.statistics and self.spectrum == "directional":
             yield '.spectrum = "directional": statistics have no direction; name a scan'
         for name in ("cutoff", "size", "height_unit") if self.statistics and not self.scan else ():
@@ -157,13 +153,9 @@ class Micro:
         # The ends of a law of ``micro.law_of_surface``.
         first, last = 1e-6 * E_star, 0.1 * self.hardness
         if highest >= self.hardness:
-            yield (
-                f".max_pressure = {self.max_pressure:g} E*, {highest / 1e6:.4g} MPa: must lie below"
-                f" micro.hardness = {self.hardness / 1e6:.4g} MPa; leave it out"
-            )
+            yield f""".max_pressure = {self.max_pressure:g} E*, {highest / 1e6:.4g} MPa: must lie
+                below micro.hardness = {self.hardness / 1e6:.4g} MPa; leave it out"""
         if self.max_pressure is None and last <= first:
-            yield (
-                f".hardness = {self.hardness:g} Pa: laws end at a tenth of it, {last:.3g} Pa, and"
-                f" begin at 1e-6 E*, {first:.3g} Pa; correct the unit, the hardness of linings is"
-                ' "50 MPa" to "400 MPa"'
-            )
+            yield f""".hardness = {self.hardness:g} Pa: laws end at a tenth of it, {last:.3g} Pa,
+                and begin at 1e-6 E*, {first:.3g} Pa; correct the unit, the hardness of linings is
+                "50 MPa" to "400 MPa" """
