@@ -112,6 +112,11 @@ class Part:
             return ()
         return (self.material,) if isinstance(self.material, str) else (*self.material.values(),)
 
+    @property
+    def shape(self) -> Any:
+        """Module of its builder; None without one."""
+        return self.builder and importlib.import_module(f"brake_fenicsx.geometry.{self.builder}")
+
 
 @dataclass(frozen=True, slots=True)
 class PartKeys:
@@ -221,11 +226,8 @@ def layers_of_thickness(part: Part, name: str) -> tuple[str, ...]:
     if part.builder is None:
         layer = name.removeprefix(FILE_LAYER)
         return (layer,) if layer in part.layers and layer != name else ()
-    module = importlib.import_module(f"brake_fenicsx.geometry.{part.builder}")
-    named: dict[str, tuple[str, ...]] = {}
-    if hasattr(module, "thicknesses"):
-        named = module.thicknesses(part.parameters)
-    return named.get(name, ())
+    named = getattr(part.shape, "thicknesses", lambda _: {})(part.parameters)
+    return tuple(named.get(name, ()))
 
 
 def moved_planes(part: Part, name: str) -> tuple[list[float], list[float]] | None:
@@ -239,17 +241,12 @@ def moved_planes(part: Part, name: str) -> tuple[list[float], list[float]] | Non
         Heights of all planes [m], and their derivatives to the length; None where the
         length moves anything else, or nothing.
     """
-    if part.builder is None:
+    shape, table = part.shape, part.parameters
+    moves = name in getattr(shape, "HEIGHTS", ()) or layers_of_thickness(part, name)
+    if not moves or not hasattr(shape, "levels") or not getattr(table, name):
         return None
-    module, table = (
-        importlib.import_module(f"brake_fenicsx.geometry.{part.builder}"),
-        part.parameters,
-    )
-    moves = name in getattr(module, "HEIGHTS", ()) or layers_of_thickness(part, name)
-    if not moves or not hasattr(module, "levels") or not getattr(table, name):
-        return None
-    step, here = 1e-3 * getattr(table, name), module.levels(table)
-    there = module.levels(replace(table, **{name: getattr(table, name) - step}))
+    step, here = 1e-3 * getattr(table, name), shape.levels(table)
+    there = shape.levels(replace(table, **{name: getattr(table, name) - step}))
     if len(there) != len(here) or here == there:
         return None
     return here, [(a - b) / step for a, b in zip(here, there, strict=True)]
@@ -266,12 +263,10 @@ def moved_sideways(part: Part, name: str) -> Callable[[Any], Any] | None:
         Of points [m], shape (n, 3), their movement along x and y per length, shape (n, 2); None
         where the length moves anything else, or nothing.
     """
-    if part.builder is None or not getattr(part.parameters, name, None):
+    shape, table = part.shape, part.parameters
+    if not getattr(table, name, None) or name not in getattr(shape, "widths", lambda _: ())(table):
         return None
-    module = importlib.import_module(f"brake_fenicsx.geometry.{part.builder}")
-    if not hasattr(module, "widths") or name not in module.widths(part.parameters):
-        return None
-    return lambda points: module.sideways(part.parameters, name, points)
+    return lambda points: shape.sideways(table, name, points)
 
 
 def part_lengths(parameters: Any) -> dict[str, float]:
