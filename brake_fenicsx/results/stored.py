@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.build.shapes import FILE as SHAPES
-from brake_fenicsx.build.shapes import family_shapes
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.contact import Contact
+from brake_fenicsx.results.family_shapes import FILE as SHAPES
+from brake_fenicsx.results.family_shapes import family_shapes
 from brake_fenicsx.samples.forces import contact_of, force_statistics
 from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.samples.study import Study

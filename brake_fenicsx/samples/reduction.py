@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from brake_fenicsx.build.box import Box
 from brake_fenicsx.build.damping_terms import with_modal_damping
 from brake_fenicsx.build.parametric import ParametricBrake
-from brake_fenicsx.build.shapes import body_centres
 from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.cache import SharedCache
@@ -33,7 +32,7 @@ from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies, si_unit
 from brake_fenicsx.scene.units import quantity_text
 
-from .numbering import Numbering, dof_points
+from .numbering import Numbering, body_centres, dof_points
 from .sampling import friction_of_contact
 
 if TYPE_CHECKING:
@@ -43,7 +42,7 @@ if TYPE_CHECKING:
         ReducedModel,
     )
 
-    from .sampling import Sample
+    from .sampling import SampleInput
 
 Array = NDArray[np.float64]
 
@@ -107,13 +106,13 @@ class Reduction:
         """Whether damping acts in an approach's samples."""
         return bool(active_terms(self._scene, approach))
 
-    def of(self, sample: Sample) -> ReducedModel:
+    def of(self, sample: SampleInput) -> ReducedModel:
         """The model of a sample that a reduced model takes."""
         return self.models[self.damped(sample.approach)]
 
-    def takes(self, sample: Sample) -> bool:
+    def takes(self, sample: SampleInput) -> bool:
         """Whether a reduced model takes a sample: its bodies lie in the box."""
-        changes, approach = sample.brake.brake.changes, sample.approach
+        changes, approach = sample.brake.reference.changes, sample.approach
         if changes is not None:
             changes.check_range(sample.values)
         if not self.by_reduction[approach]:

@@ -51,7 +51,7 @@ PENALTY = "samples.classical.penalty"
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class SampleInput:
     """One sample, before its equilibrium is known.
 
     Attributes:
@@ -98,7 +98,7 @@ def draw_sample(
     waviness: Waviness | None = None,
     values: Mapping[str, float] | None = None,
     laws: EnrichedGap | None = None,
-) -> Sample:
+) -> SampleInput:
     """Sample ``k`` of an approach.
 
     Args:
@@ -137,7 +137,7 @@ def draw_sample(
         streams = _streams(sample_seed(scene.samples.seed, shared))
         laws = _rough(brake, library, (hdf, waviness), (streams[0], streams[1]))
     friction = friction_of_contact(brake.contact, approach, drawn)
-    return Sample(approach, seed, brake, laws, friction, rejected)
+    return SampleInput(approach, seed, brake, laws, friction, rejected)
 
 
 def perfect_contact(penalty: float, elements: int) -> EnrichedGap:
@@ -183,7 +183,7 @@ def _rough(
     streams: tuple[np.random.Generator, np.random.Generator],
 ) -> EnrichedGap:
     """Law and critical gap of each element, the laws for the sample's modulus."""
-    contact, values, scene = brake.brake.contact, brake.values, brake.values.scene
+    contact, values, scene = brake.reference.contact, brake.values, brake.values.scene
     law_rng, gap_rng = streams
     interface = contact.interface
     parts: list[Laws] = []

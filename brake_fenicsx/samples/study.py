@@ -32,7 +32,7 @@ from .equilibria import Equilibria
 from .forces import moved
 from .inputs import PERFECT, note_laws, points_of
 from .models import Models
-from .sampling import Sample, draw_sample, sample_count, sample_seed
+from .sampling import SampleInput, draw_sample, sample_count, sample_seed
 
 if TYPE_CHECKING:
     from brake_fenicsx.extras.limit_cycle.cycles import Cycles
@@ -198,12 +198,12 @@ class Study:
             return InaccurateResult(f"verification at full order: {error}")
         return None
 
-    def _solved(self, task: Task, sample: Sample, comm: MPI.Comm) -> dict[str, Any]:
+    def _solved(self, task: Task, sample: SampleInput, comm: MPI.Comm) -> dict[str, Any]:
         """Equilibrium and modes of a sample by its inputs; arguments as above."""
         k, models, own = task[1], self.models, task[0] != VERIFY
         reduced = own and models.reduction.takes(sample)
         start = self._first_gaps(sample.approach) if k and reduced else None
-        eq = self.balance(sample, reduced, start)
+        sample, eq = self._prepared.of(sample, reduced, start)
         out: dict[str, Any] = {
             "mu_equilibrium": sample.friction.equilibrium,
             "g": eq.g, "g_cr": sample.laws.g_cr, "p": eq.p, "k": eq.k,
@@ -267,7 +267,7 @@ class Study:
                 )
         sample = self.sample(task, values)
         reduced = models.reduction.takes(sample)
-        eq = self.balance(sample, reduced, start)
+        sample, eq = self._prepared.of(sample, reduced, start)
         if reduced:
             return eq, reduced_modes(models, sample, eq, line)
         modes = full_modes(models, sample, eq)
@@ -299,7 +299,7 @@ class Study:
             raise ValueError("prepare() comes first")
         return self.equilibria
 
-    def sample(self, task: Task, values: Mapping[str, float] | None = None) -> Sample:
+    def sample(self, task: Task, values: Mapping[str, float] | None = None) -> SampleInput:
         """A sample with its brake, laws and friction, before its equilibrium.
 
         Args:
@@ -319,10 +319,10 @@ class Study:
         return drawn
 
     def balance(
-        self, sample: Sample, reduced: bool = False, start: Array | None = None
+        self, sample: SampleInput, reduced: bool = False, start: Array | None = None
     ) -> Equilibrium:
         """Braking equilibrium of a sample; see ``Equilibria.of``."""
-        return self._prepared.of(sample, reduced, start)
+        return self._prepared.of(sample, reduced, start)[1]
 
     def stored(self, task: Task) -> dict[str, Any]:
         """What was stored of a sample."""

@@ -1,4 +1,7 @@
-"""[equilibrium], [stability] and its damping: how equilibrium and modes are computed."""
+"""[equilibrium], [stability] and its damping: how equilibrium and modes are computed.
+
+Signs and derivations of the damping terms are in ``stability.damping_matrices``.
+"""
 
 from __future__ import annotations
 

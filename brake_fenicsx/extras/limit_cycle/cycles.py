@@ -20,7 +20,7 @@ from brake_fenicsx.scene.approaches import PERFECT
 from brake_fenicsx.stability.modes import Modes
 
 if TYPE_CHECKING:
-    from brake_fenicsx.samples.sampling import Sample
+    from brake_fenicsx.samples.sampling import SampleInput
 
 
 class Cycles:
@@ -43,7 +43,7 @@ class Cycles:
 
     def of(
         self,
-        sample: Sample,
+        sample: SampleInput,
         eq: Equilibrium,
         modes: Modes,
         partner: NDArray[np.intp],
@@ -66,7 +66,7 @@ class Cycles:
         cycles, slip = self.sample(sample, eq), sample.brake.contact.T
         return cycles_of_modes(cycles, modes, self._settings, self._faces, slip)
 
-    def sample(self, sample: Sample, eq: Equilibrium) -> SampleCycles:
+    def sample(self, sample: SampleInput, eq: Equilibrium) -> SampleCycles:
         """The equations of a sample; arguments as above."""
         reduction, scene, approach = self._models.reduction, self._scene, sample.approach
         model, interface = reduction.of(sample), sample.brake.contact.interface
