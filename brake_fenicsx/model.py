@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brake_fenicsx.arguments import listed, of_kind, positive, quantity
-from brake_fenicsx.branches import Branches
 from brake_fenicsx.checks import check
 from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SceneError
@@ -35,6 +34,7 @@ from brake_fenicsx.scene.samples_section import unit_of
 from brake_fenicsx.scene.scalars import check_scalar, si_unit
 from brake_fenicsx.scene.sweep_section import Range, Sweep
 from brake_fenicsx.stages import Run
+from brake_fenicsx.sweeps.followed import Branches
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium
