@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import shutil
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -28,6 +29,7 @@ from brake_fenicsx.checks import (
 )
 from brake_fenicsx.costs import earlier_run
 from brake_fenicsx.errors import BrakeError, SceneError
+from brake_fenicsx.extensions import load, named
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.entry import PREPARED, check_folder, enter_prepared, open_folder
 from brake_fenicsx.folder.extras import spared
@@ -45,6 +47,7 @@ from brake_fenicsx.stages import Run, note_warnings
 if TYPE_CHECKING:
     from brake_fenicsx.build.brake import Brake
     from brake_fenicsx.micro import LawLibrary
+    from brake_fenicsx.results.run import RunData
     from brake_fenicsx.samples.study import Study
     from brake_fenicsx.surface import SurfaceStatistics
 
@@ -157,7 +160,7 @@ def _finish(this: Run, stats: SurfaceStatistics | None, new: bool) -> None:
         raise
     if "report" in this.scene.stages and this.whole:
         with this.stage("report"):
-            report(store.directory, comm, this.pictures)
+            report(store.directory, comm, this.pictures, this.scene.own.figures)
         if comm.rank == 0:
             write_summary(this)
 
@@ -347,6 +350,10 @@ def mechanics(
                 )
                 drawn = in_turns(2, lambda i: spared(*last[i])[1], this.comm)
                 note_warnings(this, [text for lost in drawn for text in lost])
+    for extra in named(this.scene):
+        if extra.stage:
+            with this.stage(extra.name):
+                load(extra.stage)(this, study)
 
 
 def draw_mesh(this: Run, brake: Brake) -> None:
@@ -387,13 +394,19 @@ def write_summary(this: Run) -> None:
     )
 
 
-def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF, pictures: bool = True) -> None:
+def report(
+    directory: Path,
+    comm: MPI.Comm = MPI.COMM_SELF,
+    pictures: bool = True,
+    own: Mapping[str, Callable[[RunData], Any]] = MappingProxyType({}),
+) -> None:
     """Figures, tables and the HTML page of a results folder; collective.
 
     Args:
         directory: the results folder.
         comm: processes that share the figures.
         pictures: whether figures are drawn; those of mode shapes and the mesh stay as they are.
+        own: figures of a user's own by name.
     """
     from brake_fenicsx.report.figures import make_figures
     from brake_fenicsx.report.html import write_report
@@ -415,7 +428,7 @@ def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF, pictures: bool = Tru
 
     def draw(i: int) -> None:
         held.append(read_run(directory))
-        make_figures(held[0], slice(i, None, draws), pictures)
+        make_figures(held[0], slice(i, None, draws), pictures, own)
 
     list(in_turns(draws, draw, comm))
     if comm.rank > 0:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.extensions import provided
 from brake_fenicsx.macro.elasticity import Elastic, FaceAddition, assemble_elastic
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 
-from .material_table import layer_materials
+from .material_table import layer_materials, scene_materials
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,7 @@ def assemble_bodies(scene: Scene, mesh: Mesh) -> Elastic:
     Raises:
         SceneError: a face, layer or material does not fit.
     """
-    layers = layer_materials(scene, mesh.layers)
+    layers = layer_materials(scene, scene_materials(scene), mesh.layers)
     supports = {f: list(held) for f, held in scene.supports.items() if not on_matrices(scene, f)}
     sprung = [name for name, spring in scene.springs.items() if spring.faces is None]
     named = [f for f in dict.fromkeys([*sprung, *scene.masses]) if not on_matrices(scene, f)]
@@ -33,9 +34,7 @@ def assemble_bodies(scene: Scene, mesh: Mesh) -> Elastic:
         mesh, layers, supports, scene.mesh.degree, added, scene.mesh.mass == "lumped"
     )
     if any(part.matrices for part in scene.parts.values()):
-        from brake_fenicsx.extras.decks.external_bodies import with_superelements
-
-        elastic = with_superelements(scene, mesh, elastic)
+        elastic = provided("bodies", "parts.NAME.matrices", "matrices")(scene, mesh, elastic)
     inert = any(added.inertia for added in scene.masses.values())
     if scene.ties or inert or any(spring.faces for spring in scene.springs.values()):
         from .joints import joined_bodies

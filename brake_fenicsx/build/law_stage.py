@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import BrakeError, NotConverged, SceneError, StorageError
+from brake_fenicsx.extensions import beside_samples
 from brake_fenicsx.folder.files import digest, emptied, whole_file
 from brake_fenicsx.folder.log import Progress, logger
 from brake_fenicsx.scene import Scene
@@ -139,7 +140,7 @@ def wanted_pressure(this: Run) -> float:
     micro = this.scene.micro
     if not pressed or not area or micro is None or micro.max_pressure is not None:
         return inf
-    if "limit_cycle" in this.scene.table:  # a vibrating patch passes any pressure of rest
+    if beside_samples(this.scene):  # patches that vibrate pass any pressure of rest
         return inf
     mean = 1e6 * float(pressed) / float(area)
     return LEAST * 2.0 ** max(0, ceil(log2(TIMES * mean / LEAST)))

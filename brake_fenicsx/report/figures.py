@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from brake_fenicsx.folder.extras import spared
 from brake_fenicsx.folder.log import logger
@@ -18,14 +21,16 @@ LOST = ".lost"
 
 
 def make_figures(
-    directory: str | Path | RunData, share: slice = slice(None), draw: bool = True
-) -> list[Path]:
+    directory: str | Path | RunData, share: slice = slice(None), draw: bool = True,
+    own: Mapping[str, Callable[[RunData], Any]] = MappingProxyType({}),
+) -> list[Path]:  # fmt: skip
     """Draw every figure a run has data for, as PNG and SVG in ``directory/figures``.
 
     Args:
         directory: the run directory, or its results already read.
         share: of the figures, where several processes draw them.
         draw: False removes those of an earlier run, and draws none.
+        own: figures of a user's own by name, drawn as own_NAME.
 
     Returns:
         Paths written, in the order of the figures.
@@ -38,7 +43,8 @@ def make_figures(
     folder.mkdir(exist_ok=True)
     written: list[Path] = []
     with house_style():
-        for plot in PLOTS[share]:
+        given = [Plot(f"own_{name}", name, draw_it) for name, draw_it in own.items()]
+        for plot in [*PLOTS, *given][share]:
             for old in folder.glob(f"{plot.name}.*"):
                 old.unlink()  # perhaps of an earlier run with other stages or keys
             if not draw:

@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from brake_fenicsx.extras.limit_cycle.cycle_figures import loudness_text
+from brake_fenicsx.extensions import load, shown
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import Value, read_rows
@@ -112,8 +112,9 @@ def family_card(run: RunData, family: Family, pictures: ModePictures, rank: int 
         facts.append(("samples", often_text(family)))
     if parts := _parts_text(run, family):
         facts.append(("moving parts", parts))
-    if loud := loudness_text(run, family.approach, family.key):
-        facts.append(("how growth ends", loud))
+    more = {fact: text for extra in shown(run) for fact, text in extra.cards.items()}
+    told = {fact: load(text)(run, family.approach, family.key) for fact, text in more.items()}
+    facts += [(fact, text) for fact, text in told.items() if text]
     if (pattern := pictures.pattern(key)) is not None:
         facts.append((pattern[0], pattern[2]))
     return Card(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
-from brake_fenicsx.extras.limit_cycle.cycle_figures import draw_growth, draw_loudness
+from brake_fenicsx.extensions import Extra, extras, load, shown
 from brake_fenicsx.results.run import RunData
 
 from .contact_figures import draw_contact_pressure
@@ -36,6 +37,11 @@ class Plot:
     def told(self, run: RunData) -> str:
         """The caption of the figure of a run."""
         return self.caption if isinstance(self.caption, str) else self.caption(run)
+
+
+def _of_extra(extra: Extra, draw: str, run: RunData) -> Figure | None:
+    """A figure of an extra, which is imported where a run has its tables."""
+    return load(draw)(run) if extra in shown(run) else None
 
 
 PLOTS: tuple[Plot, ...] = (
@@ -156,19 +162,6 @@ PLOTS: tuple[Plot, ...] = (
         draw_chart,
     ),
     Plot(
-        "limit_cycle_growth",
-        "Growth rate of the loudest families over the amplitude of their vibration, one line for"
-        " each sample. Growth ends where it is zero (filled circles); from an open circle on, a"
-        " vibration grows that dies out when it is smaller.",
-        draw_growth,
-    ),
-    Plot(
-        "limit_cycle_loudness",
-        "Estimated sound level of the loudest families over the samples: median, quartiles, and"
-        " 5 % to 95 % of the samples.",
-        draw_loudness,
-    ),
-    Plot(
         "drivers",
         "What drives the most severe families: change of the growth rate alpha [1/s] to first "
         "order by a friction coefficient larger by 0.01, a loss factor larger by 0.001, and "
@@ -200,5 +193,10 @@ PLOTS: tuple[Plot, ...] = (
         "Error estimates of the eigenvalues relative to |lambda|, by the solver or the reduced "
         "model.",
         draw_errors,
+    ),
+    *(
+        Plot(name, caption, partial(_of_extra, extra, draw))
+        for extra in extras()
+        for name, (draw, caption) in extra.figures.items()
     ),
 )

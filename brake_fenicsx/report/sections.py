@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from brake_fenicsx.extras.limit_cycle.cycle_figures import cycle_blocks
+from brake_fenicsx.extensions import load, shown
 from brake_fenicsx.results.answer import approach_rows
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import Value
 
-from .blocks import Block, Section, Special, Table, Text
+from .blocks import Block, Picture, Section, Special, Table, Text
 from .figure_blocks import figures
 from .forces_section import forces_blocks
 from .mode_cards import Card, ModePictures, family_card, family_table_cells, often_text, other_cards
@@ -45,15 +45,26 @@ def main_sections(
         ]),
         Section("sweep", "Lock-in over the parameter", sweep_blocks(run)),
         Section("inputs", "Which inputs cause it", input_blocks(run)),
-        Section("loudness", "How loud", [
-            *cycle_blocks(run), *figures(run, "limit_cycle_growth", "limit_cycle_loudness"),
-        ]),
+        *(
+            Section(extra.page[0], extra.page[1], [
+                *load(extra.page[2])(run), *figures(run, *extra.figures),
+            ])
+            for extra in shown(run) if extra.page[0]
+        ),
+        Section("own", "Own figures", _own(run)),
         Section("drivers", "What drives a mode", figures(run, "drivers", look="tall")),
         Section("pressure", "Contact pressure and forces", [
             *figures(run, "contact_pressure", look="tall"), *forces_blocks(run),
         ]),
     ]  # fmt: skip
     return [section for section in sections if section.blocks]
+
+
+def _own(run: RunData) -> list[Block]:
+    """Figures of the scene's section [extensions]."""
+    names = run.summary.get("settings", {}).get("extensions", {}).get("figures", {})
+    paths = {name: run.directory / "figures" / f"own_{name}.png" for name in names}
+    return [Picture(path, name) for name, path in paths.items() if path.is_file()]
 
 
 def _squeal(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extensions import extras
 from brake_fenicsx.folder.arrays import read_npz, reading
 
 from .columns import is_parquet
@@ -28,7 +29,6 @@ APPROACHES = {
 }  # fmt: skip
 SMOOTH = "Smooth contact"  # the approach "multi-scale" of a scene without roughness
 SWEEP = ("sweep", "lock_in", "chart", "critical", "critical_curve")
-LIMIT_CYCLE = ("limit_cycle", "limit_cycle_growth", "limit_cycle_families")
 # of every surface, scanned or given by numbers
 SURFACE = ("stats", "hdf_z", "hdf_density", "fit_q", "fit_C", "q_band")
 
@@ -49,7 +49,7 @@ class RunData:
         maps: arrays of ``contact_maps.npz``.
         faces: arrays of ``contact_faces.npz``.
         sweep: tables of a sweep by the stem of their files, such as ``lock_in``.
-        cycles: tables of limit cycles, likewise.
+        extras: tables of extras, likewise.
         summary: content of ``summary.json``.
         scene: text of ``scene.toml``.
     """
@@ -65,7 +65,7 @@ class RunData:
     maps: Arrays | None = None
     faces: Arrays | None = None
     sweep: dict[str, Columns] = field(default_factory=dict)
-    cycles: dict[str, Columns] = field(default_factory=dict)
+    extras: dict[str, Columns] = field(default_factory=dict)
     summary: dict[str, Any] = field(default_factory=dict)
     scene: str | None = None
 
@@ -163,7 +163,7 @@ def read_run(directory: str | Path | RunData) -> RunData:
         maps=_arrays(root / "contact_maps.npz", ("size", "p_over_E", "pressures", "area_fraction")),
         faces=_arrays(root / "contact_faces.npz", ("corners", "facet")),
         sweep=_tables(root, SWEEP),
-        cycles=_tables(root, LIMIT_CYCLE),
+        extras=_tables(root, [name for extra in extras() for name in extra.tables]),
         summary=_json(root / "summary.json"),
         scene=scene.read_text(encoding="utf-8") if scene.is_file() else None,
     )

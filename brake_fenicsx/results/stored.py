@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.extensions import extras, load, named
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
@@ -35,8 +36,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Data = dict[str, Any]
-# Names of the arrays that tables of drivers and of limit cycles are made of begin so.
-MORE = ("driver_", "cycle_", "branch_")
+# Names of the arrays that tables of drivers and of extras are made of begin so.
+MORE = ("driver_", *(start for extra in extras() for start in extra.arrays))
 # What rows of samples.csv are made of, beside the random inputs.
 ROW = ("status", "seed", "mean_mu", "rejected", "tolerance_missed", "count_kind")
 
@@ -47,7 +48,7 @@ class Results:
     Attributes:
         first: approach and number of the first good sample of each approach, and its arrays.
         members: vectors and frequencies of the first mode of each family.
-        more: samples with derivatives or limit cycles: their task, arrays by name with "s",
+        more: samples with derivatives or arrays of extras: their task, arrays by name with "s",
             "damping", "verdict" and "condition", and the family of each mode.
     """
 
@@ -179,7 +180,7 @@ class Results:
                 self._reduced[number] = dict(zip(names, values, strict=True))
 
     def _more(self, block: SampleBlock, family: NDArray[np.int32]) -> None:
-        """Samples with derivatives or limit cycles."""
+        """Samples with derivatives or arrays of extras."""
         names = [name for name in block.names if name.startswith(MORE)]
         if not names:
             return
@@ -330,10 +331,9 @@ def _tables(
         from .driver_tables import write_drivers
 
         write_drivers(path(), results, stability.threshold)
-    if study.cycles is not None:
-        from brake_fenicsx.extras.limit_cycle.cycle_tables import write_cycles
-
-        write_cycles(path(), results)
+    for extra in named(scene) if study.models.stability is not None else ():
+        if extra.write:
+            load(extra.write)(path(), results)
     found = None
     if stability is not None and {"stability", "uncertainty"} <= {*scene.stages}:
         from .probabilities import ensembles

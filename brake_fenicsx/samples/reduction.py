@@ -21,6 +21,7 @@ from brake_fenicsx.build.damping_terms import with_modal_damping
 from brake_fenicsx.build.parametric import ParametricBrake
 from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+from brake_fenicsx.extensions import widest_band
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import Progress, logger
 from brake_fenicsx.folder.memory import release_memory
@@ -45,11 +46,6 @@ if TYPE_CHECKING:
     from .sampling import SampleInput
 
 Array = NDArray[np.float64]
-
-# Kept modes reach this multiple of the band for limit cycles, which meet higher harmonics: on the
-# block of the tutorials amplitudes are off by 29 % with 1.8, 7 % with 2.5, 0.7 % with 3 and 0.1 %
-# with 4.
-HARMONICS = 3.0
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
 LAYOUT = 11
@@ -249,11 +245,11 @@ class Reduction:
         )  # fmt: skip
 
     def _cutoff(self, parameters: Parameters) -> float | None:
-        """Cutoff of the scene [Hz]; higher by itself where the bodies meet higher harmonics."""
-        settings = self.stability
-        if settings is None or settings.cutoff or self._scene.limit_cycle is None:
+        """Cutoff of the scene [Hz]; higher by itself where extras ask for it."""
+        settings, widest = self.stability, widest_band(self._scene)
+        if settings is None or settings.cutoff or not widest:
             return settings.cutoff if settings else None
-        return float(HARMONICS / np.sqrt(parameters.softening)) * settings.band[1]
+        return float(widest / np.sqrt(parameters.softening)) * settings.band[1]
 
     def _kept(self, file: str, made: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         """What an offline stage made, from the file that the first process writes; collective."""
@@ -272,8 +268,8 @@ class Reduction:
         acts = [stability.get("damping"), scene.table.get("motion")] if damped else None
         settings = self.stability
         accuracy = None if settings is None else [settings.tolerance, settings.cutoff]
-        if accuracy and scene.limit_cycle is not None:
-            accuracy.append(HARMONICS)
+        if accuracy and (widest := widest_band(scene)):
+            accuracy.append(widest)
         return [LAYOUT, ends, acts, accuracy]
 
     def depends(self, more: list[Any]) -> list[Any]:

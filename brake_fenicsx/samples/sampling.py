@@ -215,6 +215,8 @@ def _laws(
     """Laws of one interface, and the number of each element's."""
     if isinstance(table.law, LawTable):
         return one_law(table.law), np.zeros(elements, dtype=np.intp)
+    if not isinstance(table.law, str):  # of a user's own
+        return OneLaw(table.law), np.zeros(elements, dtype=np.intp)
     if library is None:
         raise SceneError('contact.law = "library": there is no library; name the stage micro')
     return library, rng.integers(0, len(library), elements).astype(np.intp)

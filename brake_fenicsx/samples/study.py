@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
+from brake_fenicsx.extensions import beside_samples, load
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
@@ -35,7 +36,6 @@ from .models import Models
 from .sampling import SampleInput, draw_sample, sample_count, sample_seed
 
 if TYPE_CHECKING:
-    from brake_fenicsx.extras.limit_cycle.cycles import Cycles
     from brake_fenicsx.macro.equilibrium import Equilibrium
     from brake_fenicsx.stability.modes import Modes
     from brake_fenicsx.stability.substructures.line import Basis
@@ -99,7 +99,7 @@ class Study:
         self.families: NDArray[np.complex128] | None = None
         self.squealing: list[int] = []
         self.drivers: Drivers | None = None
-        self.cycles: Cycles | None = None
+        self.beside: dict[str, Any] = {}  # what extras compute -> the work
         reduced = self.models.reduction.by_reduction
         self.verified: str = next((name for name in approaches if reduced[name]), "")
         self.verify: list[Task] = []
@@ -123,10 +123,9 @@ class Study:
             from .drivers import Drivers
 
             self.drivers = Drivers(self.scene, models, self.equilibria)
-        if models.stability is not None and self.scene.limit_cycle is not None:
-            from brake_fenicsx.extras.limit_cycle.cycles import Cycles
-
-            self.cycles = Cycles(self.scene, models)
+        if models.stability is not None:
+            works = beside_samples(self.scene)
+            self.beside = {what: load(name)(self.scene, models) for what, name in works.items()}
 
     def _reference_laws(self) -> EnrichedGap:
         """Laws of the first sample that can be drawn, of rough contact if there is any."""
@@ -221,8 +220,8 @@ class Study:
             more: list[More] = []
             if self.drivers is not None and own and comm.rank == 0:
                 more.append(("drivers", partial(self.drivers.of, sample, eq, k == 0)))
-            if self.cycles is not None and own and comm.rank == 0:
-                more.append(("limit cycles", partial(self.cycles.of, sample, eq)))
+            extras = self.beside.items() if own and comm.rank == 0 else ()
+            more += [(what, partial(work.of, sample, eq)) for what, work in extras]
             out |= modes_of_sample(models, sample, eq, reduced, more, comm)
         return out
 
@@ -276,14 +275,12 @@ class Study:
             raise ValueError("prepare() made no coordinates")
         return eq, replace(modes, right=right, left=left)
 
-    def limit_cycles(self, task: Task, values: Mapping[str, float]) -> dict[str, Any]:
-        """Limit cycles of a sample, see ``cycles_of_modes``; arguments as in ``solved``."""
-        if self.cycles is None:
-            raise ValueError("a scene without [limit_cycle]")
+    def work_beside(self, what: str, task: Task, values: Mapping[str, float]) -> dict[str, Any]:
+        """What an extra computes beside the modes of a sample; arguments as in ``solved``."""
         eq, modes = self.solved(task, values)
         sample = self.sample(task, values)
         reduced = self.models.reduction.takes(sample)
-        return self.cycles.of(sample, eq, modes, np.arange(len(modes)), reduced)
+        return self.beside[what].of(sample, eq, modes, np.arange(len(modes)), reduced)
 
     def displacements(self, stored: Mapping[Task, Mapping[str, Any]]) -> dict[Task, Array]:
         """Displacements of the equilibria of stored samples [m], shape (dofs,) each; kept."""

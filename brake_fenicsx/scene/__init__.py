@@ -5,12 +5,12 @@ from brake_fenicsx.scene.mesh_section import MeshTable
 from brake_fenicsx.scene.parts_section import BUILDERS, MaterialTable, Part
 from brake_fenicsx.scene.read import read_scene
 from brake_fenicsx.scene.samples_section import Classical, Design, Distribution, Samples
-from brake_fenicsx.scene.scene import STAGES, Scene
+from brake_fenicsx.scene.scene import STAGES, Scene, scene_type
 from brake_fenicsx.scene.stability_section import Stability
 from brake_fenicsx.scene.surface_section import Micro, Statistics, Surface
 
 __all__ = [
     "BUILDERS", "STAGES", "Classical", "ContactTable", "Design", "Distribution", "Friction",
     "LawTable", "MaterialTable", "MeshTable", "Micro", "Part", "Samples", "Scene", "Stability",
-    "Statistics", "Surface", "read_scene",
+    "Statistics", "Surface", "read_scene", "scene_type",
 ]  # fmt: skip

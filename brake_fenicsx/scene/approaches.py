@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from brake_fenicsx.extensions import beside_samples
 from brake_fenicsx.scene.contact_section import Friction
 from brake_fenicsx.scene.scene import Scene
 from brake_fenicsx.scene.stability_section import TERMS
@@ -121,7 +122,7 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
 
     One serves all approaches whose samples something damps, and one all others. A sample alone
     does not pay for a reduced model, but takes that of other approaches; a sweep, and what only a
-    reduced model has (damping ratios, limit cycles), pay for all.
+    reduced model has (damping ratios, what extras compute beside samples), pay for all.
 
     Args:
         scene: the scene.
@@ -132,7 +133,7 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
         return set()
     damped = {name: bool(active_terms(scene, name)) for name in counts}
     modal = bool(scene.damping and scene.damping.modal)
-    asked = bool(scene.sweep or modal or scene.limit_cycle)
+    asked = bool(scene.sweep or modal or beside_samples(scene))
     paid = {damped[name] for name, count in counts.items() if count > 1 or asked}
     return {name for name in counts if damped[name] in paid}
 

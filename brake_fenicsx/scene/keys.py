@@ -36,6 +36,7 @@ from pydantic import Field as Key
 from typing_extensions import TypedDict
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extensions import absent
 from brake_fenicsx.scene.units import DIMENSIONS, to_si, with_unit
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -394,7 +395,7 @@ def _line(error: Any, table: Any, root: Any) -> str:
     keys += getattr(cause, "keys", ())
     text = str(cause) if cause else TEXTS.get(error["type"], error["msg"])
     if isinstance(cause, UnknownKey):
-        text += _hint(keys[-1], cause.names, root)
+        text = absent(keys[-1]) or text + _hint(keys[-1], cause.names, root)
     if error["type"] == "less_than_equal":
         text += f", {error['ctx']['le']} at most"
     if keys == ["stability", "threshold"] and error["type"] == "greater_than_equal":

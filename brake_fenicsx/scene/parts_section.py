@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, Union
 
 from pydantic import BeforeValidator, Discriminator, Tag
@@ -115,7 +117,9 @@ class Part:
     @property
     def shape(self) -> Any:
         """Module of its builder; None without one."""
-        return self.builder and importlib.import_module(f"brake_fenicsx.geometry.{self.builder}")
+        if self.builder in BUILDERS:
+            return importlib.import_module(f"brake_fenicsx.geometry.{self.builder}")
+        return self.builder and sys.modules[type(self.parameters).__module__]
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,33 +294,39 @@ def _part(
     return Part(builder, parameters, material, axis, **inside)
 
 
-def _checked_builder(table: Any) -> Any:
+def _checked_builder(table: Any, known: Mapping[str, Any]) -> Any:
     """Refuse what says no builder's name, and parameters without one."""
     if not isinstance(table, dict):
         raise ValueError("write a table")
     if "matrices" in table:
         return table
     builder = table.get("builder")
-    if "builder" in table and builder not in list(BUILDERS):
-        raise KeyMistake(f"use one of {', '.join(BUILDERS)}", "builder")
+    if "builder" in table and builder not in list(known):
+        raise KeyMistake(f"use one of {', '.join(known)}", "builder")
     parameters = set(table) - {f.name for cls in (PartKeys, FileKeys) for f in fields(cls)}
     if builder is None and parameters:
         raise KeyMistake("has no meaning without a builder", min(parameters))
     return {**table, "shim": 0} if table.get("shim") is False else table
 
 
-def parts_type() -> Any:
-    """Type of [parts]: one for each builder, and one for cells of the mesh file."""
+def parts_type(own: Mapping[str, Any] = MappingProxyType({})) -> Any:
+    """Type of [parts]: one for each builder, and one for cells of the mesh file.
+
+    Args:
+        own: name of a builder of a user's own -> dataclass of its parameters.
+    """
+    builders = {**{name: builder_class(name) for name in BUILDERS}, **own}
     kinds: dict[str | None, Any] = {
         None: table_type(partial(_part, None), PartKeys, FileKeys, builder=None)
     }
     kinds["matrices"] = table_type(partial(Part, None, None, ""), MatricesKeys)
-    for name in BUILDERS:
-        cls = builder_class(name)
+    for name, cls in builders.items():
         kinds[name] = table_type(partial(_part, cls), PartKeys, cls, builder=Literal[name])
     tagged = [Annotated[kind, Tag(f"({name})")] for name, kind in kinds.items()]
     choose = Discriminator(
         lambda table: f"({'matrices' if 'matrices' in table else table.get('builder')})"
     )
     union: Any = Union[tuple(tagged)]  # noqa: UP007
-    return dict[str, Annotated[union, choose, BeforeValidator(_checked_builder)]]
+    return dict[
+        str, Annotated[union, choose, BeforeValidator(partial(_checked_builder, known=builders))]
+    ]

@@ -11,12 +11,16 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.keys import KeyMistake, dotted, key_parts
 from brake_fenicsx.scene.keys import key as scene_key
 from brake_fenicsx.scene.samples_section import NO_ROUGH_SAMPLES, is_constant, split_key
+from brake_fenicsx.scene.scalars import check_scalar, si_unit, written_value
+
+if TYPE_CHECKING:
+    from brake_fenicsx.scene.scene import Scene
 
 RAYLEIGH = ["stability", "damping", "rayleigh"]
 
@@ -40,7 +44,7 @@ class Countermeasure:
     stop: float = scene_key(default=0.0, internal=True)
     unit: str = scene_key(default="", internal=True)
 
-    def override(self, scene: Any, value: float | str) -> str:
+    def override(self, scene: Scene, value: float | str) -> str:
         """The replacement "key=value" that gives the scene another value.
 
         Args:
@@ -58,7 +62,10 @@ class Countermeasure:
         return f"{dotted(*parts)}={json.dumps(written)}"
 
 
-def with_ends(scene: Any, read: Callable[[str], Any]) -> Any:
+Countermeasures = tuple[Countermeasure, ...]
+
+
+def with_ends(scene: Scene, read: Callable[[str], Scene]) -> Scene:
     """A scene whose countermeasures are checked and know both ends in SI units.
 
     Args:
@@ -68,14 +75,14 @@ def with_ends(scene: Any, read: Callable[[str], Any]) -> Any:
     Raises:
         SceneError: the key, its value and the remedy.
     """
-    if scene.countermeasures and not {"stability", "uncertainty"} <= {*scene.stages}:
+    if not {"stability", "uncertainty"} <= {*scene.stages}:
         raise SceneError(
             "countermeasures: need modes of many samples; add stability and uncertainty to stages"
         )
-    if scene.countermeasures and not scene.samples.rough:
+    if not scene.samples.rough:
         raise SceneError(f"countermeasures: {NO_ROUGH_SAMPLES}")
     changes: dict[str, Countermeasure] = {}
-    for c in scene.countermeasures:
+    for c in scene.section("countermeasures"):
         try:
             name = dotted(*key_parts(c.key))
         except SceneError as error:
@@ -83,12 +90,10 @@ def with_ends(scene: Any, read: Callable[[str], Any]) -> Any:
         if name in changes:
             raise SceneError(f"countermeasures.key = {c.key!r}: named twice; leave one out")
         changes[name] = _with_ends(scene, replace(c, key=name), read)
-    return replace(scene, countermeasures=tuple(changes.values()))
+    return replace(scene, countermeasures=tuple(changes.values()))  # type: ignore[call-arg]
 
 
-def _with_ends(scene: Any, c: Countermeasure, read: Callable[[str], Any]) -> Countermeasure:
-    from brake_fenicsx.scene.scalars import check_scalar, si_unit, written_value
-
+def _with_ends(scene: Scene, c: Countermeasure, read: Callable[[str], Scene]) -> Countermeasure:
     where = f"countermeasures.key = {c.key!r}"
     try:
         unit = si_unit(scene, c.key)
@@ -109,7 +114,7 @@ def _with_ends(scene: Any, c: Countermeasure, read: Callable[[str], Any]) -> Cou
     return replace(c, start=start, stop=stop, unit=unit)
 
 
-def _check_written(scene: Any, name: str, where: str) -> None:
+def _check_written(scene: Scene, name: str, where: str) -> None:
     """Only what the scene writes can be replaced in it."""
     table: Any = scene.table
     parts = key_parts(name)
@@ -119,7 +124,7 @@ def _check_written(scene: Any, name: str, where: str) -> None:
         raise SceneError(f"{where}: the scene does not write it; write it with its present value")
 
 
-def _check_not_random(scene: Any, name: str, where: str) -> None:
+def _check_not_random(scene: Scene, name: str, where: str) -> None:
     """What is random has no single value to start from."""
     table = split_key(name)[1]
     for other in scene.samples.random:

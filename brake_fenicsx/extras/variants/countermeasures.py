@@ -70,7 +70,7 @@ class Search:
         self.scene = read_scene(scene, overrides)
         self.runs = Runs(scene, comm, folder, [*overrides, "countermeasures=[]"], cache)
         self._latest: tuple[dict[str, list[float]], Model] | None = None
-        named = self.scene.countermeasures
+        named = self.scene.section("countermeasures")
         if not named:
             raise SceneError(
                 f"{self.scene.file}: countermeasures: there are none; write [[countermeasures]]"
@@ -219,7 +219,7 @@ def find_countermeasures(
         "worst family: %.0f Hz, squeals in %d of %d samples", worst.count.frequency, share.hits,
         share.n,
     )  # fmt: skip
-    named = search.scene.countermeasures
+    named = search.scene.section("countermeasures")
     # All that one brake has come first.
     for c in sorted(named, key=lambda c: changes_bodies(search.scene, c.key)):
         if c.key not in search.found:
