@@ -343,8 +343,8 @@ def _hint(name: str, names: tuple[str, ...], root: Any) -> str:
     if name in GONE:
         return f"; version 0.2 had it: {GONE[name]}"
     homes = [
-        f"[{section}.NAME]" if typing.get_origin(hint) is dict else f"[{section}]"
-        for section, hint in typing.get_type_hints(root).items()
+        f"[{f.name}.NAME]" if typing.get_origin(hint) is dict else f"[{f.name}]"
+        for f, hint in keys_of(root)
         for cls in (hint, *typing.get_args(hint))
         if is_dataclass(cls) and name in cls.__dataclass_fields__
     ]
