@@ -9,7 +9,7 @@ when it is used.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -93,7 +93,8 @@ class Extra:
 @cache
 def extras() -> tuple[Extra, ...]:
     """All extras there are: of this program, then of other packages, each by name."""
-    found, folder = list[Extra](), list[str]()
+    found = list[Extra]()
+    folder: Iterable[str] = ()
     with suppress(ModuleNotFoundError):  # the core may stand alone
         folder = import_module(GROUP).__path__
     for module in sorted(iter_modules(folder), key=lambda module: module.name):

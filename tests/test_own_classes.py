@@ -174,7 +174,7 @@ def test_shares_processes_and_workers_take_the_class(beside, tmp_path):
         (["extensions.contact.block_plate='../mine:Quadratic'", ALLOW], "no installed package"),
         (["extensions.contact.block_plate='mine:Cubic'", ALLOW], "no attribute 'Cubic'"),
         (["extensions.contact.block_plate='mine:Quadratic'", ALLOW], "missing 1 required .* 'c'"),
-        (["extensions.contact.pad='mine:draw'", ALLOW], r"contact\.pad = 'mine:draw': .*'run'"),
+        (["extensions.contact.pad='mine:draw'", ALLOW], r"pad = 'mine:draw': .*'run'"),
         (["extensions.contact={}", "extensions.damping={ a='mine:Quadratic' }", ALLOW], "'c'"),
         (
             [
@@ -183,10 +183,7 @@ def test_shares_processes_and_workers_take_the_class(beside, tmp_path):
             ],
             "has no method 'coefficient'",
         ),
-        (
-            ["extensions.law.block_plate='mine:Quadratic'", ALLOW],
-            r"extensions\.law = .*unknown key",
-        ),
+        (["extensions.law.pad='mine:Quadratic'", ALLOW], r"extensions\.law = .*unknown key"),
     ],
 )  # fmt: skip
 def test_what_may_not_run_is_refused_in_one_line(given, said, beside):

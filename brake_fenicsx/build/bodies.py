@@ -10,7 +10,7 @@ from brake_fenicsx.macro.elasticity import Elastic, FaceAddition, assemble_elast
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 
-from .material_table import layer_materials, scene_materials
+from .material_table import layer_materials
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ def assemble_bodies(scene: Scene, mesh: Mesh) -> Elastic:
     Raises:
         SceneError: a face, layer or material does not fit.
     """
-    layers = layer_materials(scene, scene_materials(scene), mesh.layers)
+    layers = layer_materials(scene, mesh.layers)
     supports = {f: list(held) for f, held in scene.supports.items() if not on_matrices(scene, f)}
     sprung = [name for name, spring in scene.springs.items() if spring.faces is None]
     named = [f for f in dict.fromkeys([*sprung, *scene.masses]) if not on_matrices(scene, f)]

@@ -18,9 +18,9 @@ from typing import Any
 from brake_fenicsx.extensions import Extensions, extras, load
 from brake_fenicsx.scene.bodies_section import AddedMass, Load, Motion, Spring, Tie, supports_type
 from brake_fenicsx.scene.contact_section import ContactTable
+from brake_fenicsx.scene.extensions_section import ExtensionsTable
 from brake_fenicsx.scene.keys import key
 from brake_fenicsx.scene.mesh_section import MeshTable
-from brake_fenicsx.scene.own import ExtensionsTable
 from brake_fenicsx.scene.parts_section import MaterialTable, Part, parts_type
 from brake_fenicsx.scene.samples_section import Samples
 from brake_fenicsx.scene.stability_section import Damping, EquilibriumTable, Stability
@@ -97,7 +97,7 @@ def scene_type(builders: tuple[tuple[str, Any], ...] = ()) -> type[Scene]:
         builders: names and dataclasses of builders of a user's own.
     """
     about = {"type": partial(parts_type, dict(builders))}
-    parts = field(default_factory=dict, metadata=about)
+    parts: Any = field(default_factory=dict, metadata=about)
     more: list[tuple[str, Any, Any]] = [("parts", dict[str, Part], parts)]
     for key_, name in ((k, n) for extra in extras() for k, n in extra.sections.items()):
         hint = load(name)
