@@ -65,7 +65,7 @@ class Extra:
         arrays: how names of these arrays begin.
         stage: ``stage(run, study)``, after the results; collective.
         tables: stems of its tables, which ``RunData.extras`` holds.
-        write: ``write(folder, results)``, which writes them from the stored samples.
+        make_tables: ``tables(stored)``, a ``RowTable`` by stem, from the stored samples.
         figures: name of a figure -> ``draw(run)``, and its caption.
         page: key and title of a section of the page, and ``blocks(run)`` that it begins with.
         cards: fact beside a picture of a mode -> ``text(run, approach, family)``.
@@ -84,7 +84,7 @@ class Extra:
     arrays: tuple[str, ...] = ()
     stage: str = ""
     tables: tuple[str, ...] = ()
-    write: str = ""
+    make_tables: str = ""
     figures: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     page: tuple[str, str, str] = ("", "", "")
     cards: Mapping[str, str] = field(default_factory=dict)

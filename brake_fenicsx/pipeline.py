@@ -31,12 +31,12 @@ from brake_fenicsx.costs import earlier_run
 from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.extensions import load, named
 from brake_fenicsx.folder.cache import SharedCache
-from brake_fenicsx.folder.entry import PREPARED, check_folder, enter_prepared, open_folder
+from brake_fenicsx.folder.entry import check_folder, enter_prepared, open_folder
 from brake_fenicsx.folder.extras import spared
 from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.log import logger, start_log
 from brake_fenicsx.folder.processes import in_turns, on_first
-from brake_fenicsx.folder.store import Store
+from brake_fenicsx.folder.store import PREPARED, Store
 from brake_fenicsx.results.versions import differences, versions
 from brake_fenicsx.scene import STAGES, read_scene
 from brake_fenicsx.scene.approaches import friction_texts, listed
@@ -297,7 +297,7 @@ def mechanics(
     this: Run, stats: SurfaceStatistics | None, library: LawLibrary | None, brake: Brake
 ) -> None:
     """Shared reduction, and every sample's equilibrium and modes."""
-    from brake_fenicsx.results.blocks import prepare_blocks
+    from brake_fenicsx.results.output import prepare_blocks
 
     study = make_study(this, stats, library, brake)
     with this.stage("samples"):
@@ -322,7 +322,7 @@ def mechanics(
     with this.stage("results"):
         if this.comm.rank == 0:
             this.store.forget_tables()
-        from brake_fenicsx.results.stored import write_results
+        from brake_fenicsx.results.output import write_results
 
         first = write_results(study)
         if sweep is not None:
@@ -439,15 +439,11 @@ def report(
     write_tables(data)
     write_surface_tables(data)
     write_report(data, redraw=False)
-    if data.samples is None and any((directory / "samples").glob("*.*")):
+    if data.samples is not None and not (directory / "samples.csv").is_file():
         logger.warning(
             "%s: samples without tables; `run` of the scene, with -o %s, makes them", directory,
             directory,
         )  # fmt: skip
-    elif data.modes is None and "stability" in data.summary.get("in_effect", {}).get("stages", ()):
-        logger.warning(
-            "%s: modes.csv is missing, and the page has no modes; `run` makes it again", directory
-        )
     if data.modes is not None:
         # Line by line: the time stamp of the file would shift the heading alone.
         for line in summary_table(data).splitlines():

@@ -17,11 +17,11 @@ from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.results.tables import read_columns
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import bodies_key, result_digest
 from coarse_block import BLOCK
 from processes import parallel
+from run_tables import read_columns
 from test_extensions import MassDamping, Quadratic, Stribeck, Triangular
 from test_registry import installed
 

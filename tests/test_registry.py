@@ -13,8 +13,8 @@ import pytest
 
 import brake_fenicsx
 from brake_fenicsx import prepare, sample
-from brake_fenicsx.results.tables import read_columns
 from coarse_block import BLOCK, ROUGH
+from run_tables import read_columns
 
 PACKAGE = Path(brake_fenicsx.__file__).parent
 GUIDE = PACKAGE.parent / "docs" / "developer_guide.md"

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.macro.friction import Friction
+from brake_fenicsx.macro.friction import SlidingFriction
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
@@ -143,7 +143,7 @@ class BrakeAt:
             return self.reference.M
         return (self.reference.M + self._changes.change(self.values, "M")).tocsr()
 
-    def C(self, friction: Friction, p: Array) -> sp.csr_matrix | None:
+    def C(self, friction: SlidingFriction, p: Array) -> sp.csr_matrix | None:
         """Damping at an equilibrium [N s/m], likewise; None where nothing damps the sample.
 
         Args:
@@ -155,7 +155,7 @@ class BrakeAt:
         change = self._changes.change(self.values, "C") if self._changes and self.values else None
         return self.reference.terms.matrix(self.contact, friction, p, change)
 
-    def rates(self, friction: Friction, p: Array) -> tuple[Array, Array]:
-        """Factors of slip rates that the damping of the scene names; see ``Friction.rates``."""
+    def rates(self, friction: SlidingFriction, p: Array) -> tuple[Array, Array]:
+        """Factors of slip rates that the damping of the scene names; see there."""
         terms = self.reference.terms or Terms()
         return friction.rates(p, terms.turns, terms.falls)

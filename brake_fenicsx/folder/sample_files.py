@@ -22,7 +22,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.arrays import Arrays, read_npz
+from brake_fenicsx.folder.arrays import Arrays, mapped_member, read_npz
 from brake_fenicsx.folder.files import ResultFiles, damaged
 
 Task = tuple[str, int]
@@ -33,6 +33,7 @@ BLOCK = 256
 FOLDER = "samples"
 # Columns of a block in its archive; other columns have another number.
 COLUMNS = "columns-1"
+HEADS = 2**18  # bytes in which the line of ``bytes_of_arrays`` ends
 
 _SINGLE = re.compile(r"(.+)-(\d{5,})\.npz")
 _ARCHIVE = re.compile(r"(.+)-\d{5,}-\d{5,}\.zip")
@@ -49,8 +50,10 @@ class SampleFiles:
     def __init__(self, files: ResultFiles):
         self._files = files
         self.tabulate: Tabulate | None = None
-        # Names of the samples in the files of this scene that were looked at.
+        # Names of the samples in the files of this scene that were looked at, and archives whose
+        # columns were compared with their checksum.
         self._known: dict[str, frozenset[str]] = {}
+        self._whole: set[str] = set()
 
     def save(self, task: Task, **arrays: Any) -> None:
         """Write the arrays of a sample with the hash of its scene; pack its block if it is full.
@@ -100,13 +103,17 @@ class SampleFiles:
     def columns(self, task: Task) -> Arrays | None:
         """Columns of the block of a sample; None where it is not packed, or was packed without.
 
+        They are mapped into memory; their checksum is looked at the first time.
+
         Raises:
             SceneError: the archive is damaged, or belongs to another scene.
         """
         if COLUMNS not in self._content(_archive(task)):
             return None
         with self._opened(_archive(task)) as archive:
-            return arrays_of_bytes(archive.read(COLUMNS))
+            content = mapped_member(archive, COLUMNS, check=_archive(task) not in self._whole)
+        self._whole.add(_archive(task))
+        return arrays_of_bytes(content)
 
     def _names(self) -> list[str]:
         """Files of samples; none where there is no folder yet."""
@@ -223,11 +230,11 @@ def bytes_of_arrays(arrays: Mapping[str, np.ndarray[Any, Any]]) -> bytes:
     return line.encode() + b"".join(arrays[name].tobytes() for name in order)
 
 
-def arrays_of_bytes(content: bytes) -> dict[str, np.ndarray[Any, Any]]:
+def arrays_of_bytes(content: bytes | memoryview) -> Arrays:
     """The arrays of ``bytes_of_arrays``, which cannot be written to."""
-    start = content.index(b"\n") + 1
-    out = {}
-    for name, kind, shape in json.loads(content[:start]):
+    line = bytes(content[:HEADS]).partition(b"\n")[0]
+    start, out = len(line) + 1, {}
+    for name, kind, shape in json.loads(line):
         dtype, size = np.dtype(kind), math.prod(shape)
         out[name] = np.frombuffer(content, dtype, size, start).reshape(shape)
         start += size * dtype.itemsize

@@ -21,7 +21,7 @@ from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import FrictionLaw
 from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.macro.friction import Coefficient, Friction
+from brake_fenicsx.macro.friction import Coefficient, SlidingFriction
 from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
 from brake_fenicsx.micro import (
     LawSteps,
@@ -67,7 +67,7 @@ class SampleInput:
     seed: int
     brake: BrakeAt
     laws: EnrichedGap
-    friction: Friction
+    friction: SlidingFriction
     rejected: int = 0
 
     @property
@@ -146,7 +146,7 @@ def perfect_contact(penalty: float, elements: int) -> EnrichedGap:
     return EnrichedGap(OneLaw(linear_law(penalty)), index, np.zeros(elements))
 
 
-def friction_of_contact(contact: Contact, approach: str, values: Values) -> Friction:
+def friction_of_contact(contact: Contact, approach: str, values: Values) -> SlidingFriction:
     """Friction of contact elements at their sliding speeds.
 
     Args:
@@ -158,7 +158,7 @@ def friction_of_contact(contact: Contact, approach: str, values: Values) -> Fric
     tables = values.scene.contact.values()
     braking = np.array([t.friction_in_equilibrium for t in tables], dtype=bool)
     given = friction_law(contact, approach, values)(speed)
-    return Friction(*given, speed, braking[contact.interface])
+    return SlidingFriction(*given, speed, braking[contact.interface])
 
 
 def friction_law(contact: Contact, approach: str, values: Values) -> Coefficient:

@@ -30,7 +30,7 @@ from brake_fenicsx.surface.waviness import Waviness
 
 from .ensemble import run_ensemble
 from .equilibria import Equilibria
-from .forces import moved
+from .forces import forces_of_sample, mean_friction, moved
 from .inputs import PERFECT, note_laws, points_of
 from .models import Models
 from .sampling import SampleInput, draw_sample, sample_count, sample_seed
@@ -171,7 +171,9 @@ class Study:
             sample = self.sample((self.verified if approach == VERIFY else approach, k))
             names = sorted(sample.values)
             known |= {
-                "mu": sample.friction.mu, "random_names": np.array(names, dtype=str),
+                "mu": sample.friction.mu,
+                "mean_mu": mean_friction(self.brake.contact, sample.friction.mu),
+                "random_names": np.array(names, dtype=str),
                 "random": np.array([sample.values[n] for n in names]),
             }  # fmt: skip
             if sample.values:
@@ -214,6 +216,7 @@ class Study:
         out["beyond_laws"] = sample.laws.beyond(eq.p, contact.w)
         if contact is not self.brake.contact:
             out["moved"] = moved(contact)
+        out["forces"] = forces_of_sample(self.scene, contact, eq.p, sample.friction.mu)
         if models.stability is not None:
             from .solve import modes_of_sample
 

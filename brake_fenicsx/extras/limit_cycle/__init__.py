@@ -13,7 +13,7 @@ EXTRA = Extra(
     band=3.0,
     arrays=("cycle_", "branch_"),
     tables=("limit_cycle", "limit_cycle_growth", "limit_cycle_families"),
-    write=f"{_HERE}.cycle_tables:write_cycles",
+    make_tables=f"{_HERE}.cycle_tables:cycle_tables",
     figures={
         "limit_cycle_growth": (
             f"{_HERE}.cycle_figures:draw_growth",

@@ -28,16 +28,13 @@ def budget(options: Any, comm: Any) -> str:
 @command(SCENE, SET, ALLOW, folder_of("countermeasures"), CACHE, epilog=AFTER_COUNTERMEASURES)
 def countermeasures(options: Any, comm: Any) -> str | None:
     """Find the smallest change of each of the scene's countermeasures that stops the squeal."""
-    from brake_fenicsx.results.tables import read_rows
-
     from .countermeasures import find_countermeasures
-    from .countermeasures_page import countermeasures_text
 
     given = options.scene, comm, options.directory, options.set, options.cache
     page = find_countermeasures(*given)
     if comm.rank > 0 or page is None:
         return None
-    return f"{countermeasures_text(read_rows(page.with_suffix('.csv')))}\nopen {page}"
+    return f"open {page}"
 
 
 @command(

@@ -37,7 +37,7 @@ from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.units import quantity_text
 
 from .comparison import compare_runs, write_comparison
-from .countermeasures_page import COLUMNS, write_countermeasures
+from .countermeasures_page import COLUMNS, countermeasures_text, write_countermeasures
 from .runs import Runs
 from .trial import MOST, Trial, Worst, enough, smallest_change, worst_family
 
@@ -229,6 +229,8 @@ def find_countermeasures(
     ranked = sorted(named, key=lambda c: np.inf if known[c.key] is None else -known[c.key])
     cells = [[rank, *_row(search, c, worst, rank)] for rank, c in enumerate(ranked, 1)]
     rows = [dict(zip(COLUMNS, row, strict=True)) for row in cells]
+    if comm.rank == 0:
+        print(countermeasures_text(rows))
     return on_first(lambda: write_countermeasures(folder, worst, rows), comm)
 
 

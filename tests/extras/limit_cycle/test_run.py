@@ -26,9 +26,9 @@ from brake_fenicsx.extras.limit_cycle.floquet import verdict
 from brake_fenicsx.extras.limit_cycle.growth import EXACTLY
 from brake_fenicsx.extras.limit_cycle.sample import MEASURES
 from brake_fenicsx.results.run import read_run
-from brake_fenicsx.results.tables import read_columns
 from brake_fenicsx.scene import read_scene
 from processes import parallel
+from run_tables import read_columns
 
 BLOCK = Path(__file__).parents[3] / "scripts" / "scenes" / "squealing_block.toml"
 PLAIN = [

@@ -51,7 +51,7 @@ Array = NDArray[np.float64]
 LAYOUT = 11
 
 
-class Reduction:
+class ReducedModels:
     """Reduced models of a study.
 
     Attributes:
