@@ -24,7 +24,7 @@ from brake_fenicsx.stability import (
 from brake_fenicsx.stability.damping import gyroscopic
 from brake_fenicsx.stability.substructures import CONSTANT, reduction
 from brake_fenicsx.stability.substructures.interpolated import InterpolatedMoments
-from brake_fenicsx.stability.substructures.moments import Complement
+from brake_fenicsx.stability.substructures.complement import Complement
 from brake_fenicsx.stability.substructures.parameters import Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros
 from brake_fenicsx.stability.substructures.substructure import mirror_image

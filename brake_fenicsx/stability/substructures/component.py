@@ -22,8 +22,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..modes import Complex
+from .frequency import Polynomial
 from .interpolated import InterpolatedMoments, Moments
-from .moments import SIGMA, Rows, coupled, shifted_polynomial
+from .rows import SIGMA, Rows, shifted_polynomial
 from .parameters import CONSTANT, Parameters
 from .substructure import SAME_ENTRY, MirrorImage, Substructure, mirror_image, turned_across
 
@@ -63,6 +65,8 @@ class Component:
         kappa: their eigenvalues at the centre of the box [1/s^2].
         loads: loads on the kept modes [N], shape (loads, modes).
         coupled: whether D has rows and columns of the kept modes.
+        missing: what the polynomials lack of D at the end of the band, real and imaginary parts,
+            shape (1 or 2, rows, columns).
         reach: no pole of what is left out lies below it anywhere in the box, over the band's end.
     """
 
@@ -80,7 +84,8 @@ class Component:
         self.body = body = Substructure.from_arrays(arrays)
         self.W, self.kappa, self.reach = arrays["W"], arrays["kappa"], float(arrays["reach"])
         self._beyond = arrays["beyond"]
-        self.loads, self.coupled = body.loads.T @ self.W, coupled(body)
+        self.missing, self._polynomial = arrays["missing"], Polynomial(arrays["points"], rows)
+        self.loads, self.coupled = body.loads.T @ self.W, bool(arrays["coupled"])
         self._rows, self._omega, self._parameters = rows, omega, parameters
         (self._K, self._M, *self._changes), self._C = arrays["modal"], arrays["modal_C"]
         self._own = parameters.acting_on(list(body.changes), body.elements.size)
@@ -101,6 +106,10 @@ class Component:
         self._constant = None if own.size else found
         return found
 
+    def growth(self, w: Complex) -> Array:
+        """Error of the polynomials at some w over that at the end of the band."""
+        return self._polynomial.growth(w, self.reach)
+
     @property
     def mass(self) -> sp.csr_matrix:
         """Mass at the centre of the box [kg], shape (n, n), in which W is orthonormal."""
@@ -120,7 +129,8 @@ class Component:
 
     def polynomial(self, x: Array) -> list[sp.csr_matrix]:
         """P_0, P_1, ... at a point of the box, at full order."""
-        return polynomial(self.body, self._parameters, x, self._omega, self._rows, self._beyond)
+        given = self.body, self._parameters, x, self._omega, self._beyond
+        return shifted_polynomial(*matrices(*given), self._rows)
 
     def _modal(self, x: Array) -> Array:
         """W'P_n W in units of the band's end."""
@@ -161,17 +171,16 @@ def interface_at(
     return out
 
 
-def polynomial(
-    body: Substructure, parameters: Parameters, x: Array, omega: float, rows: Rows, beyond: Array
-) -> list[sp.csr_matrix]:
-    """P_0, P_1, ... of a body at full order at a point of the box.
+def matrices(
+    body: Substructure, parameters: Parameters, x: Array, omega: float, beyond: Array
+) -> tuple[sp.csr_matrix, sp.csr_matrix | None, sp.csr_matrix]:
+    """K, C and M of a body at full order at a point of the box, in units of the band's end.
 
     Args:
         body: the body.
         parameters: of all bodies.
         x: the point, shape (d,).
         omega: end of the band [rad/s].
-        rows: blocks of its contact rows.
         beyond: damping of what the kept modes leave out, see ``Substructure.damping_beyond``. It
             couples nothing with the kept modes, of the same M and the K of the centre of the box.
     """
@@ -181,7 +190,8 @@ def polynomial(
         K = body.stiffness(parameters.centre)
         left_out = beyond[0] * body.M + beyond[1] * K
         C = left_out if C is None else C + left_out
-    return shifted_polynomial(body.stiffness(c), C, body.mass(c), omega, rows)
+    K = (body.stiffness(c) / omega**2).tocsr()
+    return K, None if C is None else (C / omega).tocsr(), body.mass(c)
 
 
 @dataclass(frozen=True, slots=True)

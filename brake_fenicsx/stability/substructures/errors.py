@@ -90,7 +90,7 @@ def corrected(found: Zeros, q: Quotient, interpolated: Array) -> Corrected:
     others = others[~np.isin(others, z[pairs].conj())]
     every = np.r_[w, others]
     gap, second = distances(every, some), distances(every, some, 2)
-    first = (q.truncated + interpolated) * np.abs(q.slope) + ROUND_OFF
+    first = (q.unsolved + interpolated) * np.abs(q.slope) + ROUND_OFF
     # What zeros other than the nearest one would add to the second order.
     coupling = la.norm(products, axis=0) * la.norm(products, axis=1)
     first = (first[of] + coupling[of] / second) / new

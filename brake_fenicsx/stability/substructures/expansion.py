@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
-from .moments import SIGMA, Rows
+from .rows import SIGMA, Rows
 from .polynomials import Coefficients
 
 Array = NDArray[np.float64]

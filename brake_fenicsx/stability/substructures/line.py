@@ -21,7 +21,7 @@ from brake_fenicsx.errors import InaccurateResult
 
 from .contact import ContactLinearisation
 from .errors import Corrected, corrected
-from .moments import SIGMA
+from .rows import SIGMA
 from .polynomials import Zeros
 from .problem import Quotient
 from .projected import Projected

@@ -30,11 +30,11 @@ from .component import AtPoint, Component, Placed, placed
 from .contact import ContactLinearisation
 from .errors import Corrected, corrected
 from .line import Basis
-from .moments import SIGMA, Rows
+from .rows import SIGMA, Rows
 from .offline import OfflineBodies
 from .parameters import CONSTANT, Parameters
 from .reach import higher
-from .sample import Sample, least_pole
+from .sample import Sample
 from .static import BodyCompliance, body_compliance, static_compliance
 from .substructure import Substructure
 from .trial import UnitContact
@@ -364,7 +364,8 @@ class ReducedModel:
     @property
     def pole(self) -> float:
         """Least modulus |w|, anywhere in the box, of a pole of what the kept modes leave out."""
-        return least_pole(self.bodies, self.rows)
+        reach, rows = min(body.component.reach for body in self.bodies), self.rows
+        return float(np.hypot(reach, rows.shift) if rows.damped else reach**2 + SIGMA)
 
     @property
     def complete_up_to(self) -> float:
@@ -472,8 +473,8 @@ def _degrees(tolerance: float, damped: bool) -> tuple[int, ...]:
     top = int(np.clip(4 + ceil(log10(REACHED / tolerance) / log10(GAIN) - 1e-9), 2, 8))
     # Measured: with one degree less for every two moments, the moments err about alike.
     if damped:
-        return tuple(max(1, top - (n + 3) // 4) for n in range(2 * top + 3))
-    return tuple(max(1, top - (n + 1) // 2) for n in range(top + 2))
+        return tuple(max(1, top - (n + 3) // 4) for n in range(2 * top + 1))
+    return tuple(max(1, top - (n + 1) // 2) for n in range(top))
 
 
 def _on_all(arrays: dict[str, NDArray[Any]], comm: MPI.Comm) -> dict[str, NDArray[Any]]:

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from brake_fenicsx.folder.processes import in_turns
 
 from .component import image_arrays, originals_and_images
-from .moments import Rows
+from .rows import Rows
 from .parameters import Parameters
+from .rows import Rows
 from .reduction import Reduction, kept_modes
 from .substructure import Substructure
 
@@ -75,7 +76,7 @@ class OfflineBodies:
             progress: see ``ReducedModel.offline``.
         """
         reductions = self._planned(orders)
-        advance = progress(sum(reduction.solves for reduction in reductions))
+        advance = progress(sum(reduction.factors for reduction in reductions))
         # The largest body takes most memory: it comes before the moments of others are there.
         order = sorted(range(len(reductions)), key=lambda i: -self._originals[i].dofs.size)
         made = {i: reductions[i].arrays(advance) for i in order}

@@ -32,18 +32,14 @@ from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
 from .errors import ROUND_OFF
 from .expansion import expanded
-from .moments import Rows
+from .rows import Rows
 from .polynomials import Coefficients, Zeros, applied, zeros
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-# Last known terms that tell what is truncated.
-TAIL = {False: 2, True: 4}
-
-# Steps at most of the motions y and eta, and the share of the truncation of the moments, or the
-# round-off, that the error which they leave in the quotient may have.
-STEPS, SHARE = 8, 0.1
+# Steps at most of the motions y and eta.
+STEPS = 8
 
 # Moments of the first step of eta where forces follow rates.
 FIRST = 2
@@ -57,8 +53,7 @@ class Quotient:
         products: b_i' T(z_j) a_j of left vectors i and zeros j, shape (zeros, zeros); and those of
             the left vectors' conjugates.
         slope: b' T'(z) a.
-        truncated: what the moments beyond the last add, over the slope: the last known terms, which
-            fall by |w| over the distance of the nearest pole; and what y and eta leave.
+        unsolved: what y and eta leave, over the slope.
         y: motions that contact forces follow, shape (followed rows, zeros).
         right: a of each zero.
         left: [eta; b], the motions of what is left out that are seen.
@@ -66,7 +61,7 @@ class Quotient:
 
     products: tuple[Complex, Complex]
     slope: Complex
-    truncated: Array
+    unsolved: Array
     y: Complex
     right: Complex
     left: Complex
@@ -87,9 +82,8 @@ class SampleProblem:
     _precision: type = float
 
     def __init__(
-        self, E: Sequence[Array], source: Array, forced: Coefficients, own: Array, rows: Rows,
-        pole: float,
-    ):  # fmt: skip
+        self, E: Sequence[Array], source: Array, forced: Coefficients, own: Array, rows: Rows
+    ):
         """Take the coefficients.
 
         Args:
@@ -98,11 +92,9 @@ class SampleProblem:
             forced: likewise.
             own: likewise.
             rows: blocks of contact rows.
-            pole: least modulus |w| of a pole of what the kept modes leave out.
         """
         self.E, self.source, self.forced, self.own = E, source, forced, own
         self.rows: Rows = rows
-        self._pole = pole
 
     @property
     def T(self) -> Array:
@@ -139,8 +131,6 @@ class SampleProblem:
         w = self.rows.variable(z)
         count, gaps = len(self.E), self.gaps
         powers = np.arange(count)[:, None]
-        fall = np.minimum(np.abs(w) / self._pole, 0.9)
-        tail = powers[-TAIL[self.rows.damped] :]
         kept = self._terms(self.own, a, b)
         source = [times(A, a) for A in self.source]
         y, last = self.motions(z, a), np.full(z.size, np.inf)
@@ -165,20 +155,16 @@ class SampleProblem:
             # Lambda depends on z, too.
             slope = slope + _paired(seen[gaps:], y[gaps:])
             slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
-            # One term alone may be nought by chance.
-            ends = np.abs(terms[tail[:, 0]] * w**tail) * fall ** (count - 1 - tail)
-            truncated = np.max(ends, axis=0) * fall / (1 - fall)
             # eta gains by both steps what it gained by this one, y what it did.
             gained = np.abs(_paired(change, unsolved))
             size = la.norm(change, axis=0) / np.maximum(la.norm(eta, axis=0), 1e-300)
             left = remaining(gained, np.maximum(size, np.sqrt(gained / last)))
-            if np.all(left <= np.maximum(SHARE * truncated, ROUND_OFF)):
+            if np.all(left <= ROUND_OFF):
                 break
             y, last = y + self.solve(unsolved), np.maximum(gained, 1e-300)
         rest = applied(self.own, w, a) + applied(self.forced, w, u)
         products = b.T @ rest + eta.T @ unsolved, b.conj().T @ rest + eta.conj().T @ unsolved
-        truncated = (truncated + left) / np.abs(slope)
-        return Quotient(products, slope, truncated, y, a, np.vstack([eta, b]))
+        return Quotient(products, slope, left / np.abs(slope), y, a, np.vstack([eta, b]))
 
     def _terms(self, A: Coefficients, x: Complex, b: Complex) -> Complex:
         """Coefficients of b' A(w) x, as many as there are moments, shape (moments, zeros)."""

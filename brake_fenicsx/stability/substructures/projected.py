@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..eigensolvers.arnoldi import on_parts
 from ..modes import Complex
 from .contact import ContactLinearisation
-from .moments import SIGMA
+from .rows import SIGMA
 from .polynomials import Zeros, applied
 from .problem import Quotient, SampleProblem
 from .trial import TrialSpace, UnitContact
@@ -75,7 +75,7 @@ class Projected:
         # Motions of open elements alone meet no force.
         E[0][np.diag_indices(len(E[0]))] += NO_FORCE
         source, forced, own = self._J.T @ t.source, t.V.T @ self._forced, t.V.T @ t.own
-        self.problem = SampleProblem(E, source, forced, own, model.rows, model.pole)
+        self.problem = SampleProblem(E, source, forced, own, model.rows)
 
     def square(self, z: Complex) -> Array:
         """|lambda|^2 in units of the band's end."""

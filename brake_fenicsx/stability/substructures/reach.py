@@ -20,7 +20,7 @@ from brake_fenicsx.folder.log import logger
 from ..modes import relative_errors
 from .contact import ContactLinearisation
 from .errors import SAFETY
-from .moments import SIGMA
+from .rows import SIGMA
 from .parameters import BETWEEN
 from .sample import Sample
 

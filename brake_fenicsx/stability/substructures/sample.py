@@ -12,7 +12,7 @@ from ..eigensolvers.arnoldi import times
 from ..modes import Complex
 from .component import AtPoint, Placed, square_of
 from .contact import ContactForces, ContactLinearisation
-from .moments import SIGMA, Rows
+from .rows import Rows
 from .problem import Quotient, SampleProblem
 
 Array = NDArray[np.float64]
@@ -41,12 +41,6 @@ class Closed:
         """
         steps = np.arange(blocks)[:, None]
         return (self.here + own * steps).ravel(), (self.there + every * steps).ravel()
-
-
-def least_pole(bodies: Sequence[Placed], rows: Rows) -> float:
-    """Least modulus |w|, anywhere in the box, of a pole of what the kept modes leave out."""
-    reach = min(body.component.reach for body in bodies)
-    return float(np.hypot(reach, rows.shift) if rows.damped else reach**2 + SIGMA)
 
 
 class Sample(SampleProblem):
@@ -89,7 +83,6 @@ class Sample(SampleProblem):
             # One open element in place of none: its force is zero. There may be no element at all.
             closed = np.arange(min(1, w.size))
         self.bodies, self.views, self.rows = bodies, views, rows
-        self._pole = least_pole(bodies, rows)
         at = np.full(w.size, -1)
         at[closed] = np.arange(closed.size)
         self.closed = []
@@ -146,14 +139,12 @@ class Sample(SampleProblem):
         self.E[0][np.diag_indices(f * c)] += 1.0
 
     def interpolation_errors(self, z: Complex, q: Quotient) -> Array:
-        """Estimated errors of z that the interpolation of the moments makes, all bodies added."""
+        """Estimated errors of z that the polynomials of the bodies make, all of them added."""
         c, f, g = self.count, len(self.rows.followed), len(self.rows.acting)
         total = np.zeros(z.size)
         loads = np.vstack([self.forces(self.gaps_and_rates(z, q.y)), q.right])
         w = self.rows.variable(z)
         for body, view, at in zip(self.bodies, self.views, self.closed, strict=True):
-            if not view.errors:
-                continue
             # Where no kept mode couples, D has no rows and columns of them.
             comp, modes = body.component, np.arange(body.modes.start, body.modes.stop)
             modes = modes if comp.coupled else modes[:0]
@@ -165,12 +156,18 @@ class Sample(SampleProblem):
             # Whole rows in one product cost less than picking the closed elements of each moment.
             right = np.zeros((g * m + modes.size + comp.loads.shape[0], z.size), np.complex64)
             right[np.r_[acting, g * m + np.arange(modes.size)]] = loads[np.r_[there, g * c + modes]]
-            largest: Array = np.zeros(z.size)
-            for error in view.errors:
+
+            def terms(error: NDArray[np.float32]) -> Complex:
+                """[eta; b]' A [J u; a] of several matrices A, shape (matrices, zeros)."""
                 picked = error[:, rows].reshape(-1, error.shape[2])
                 product = times(picked, right).reshape(len(error), rows.size, z.size)
-                terms = np.einsum("im,nim->nm", left, product)
-                size = np.sum(np.abs(terms * w ** np.arange(len(error))[:, None]), axis=0)
-                largest = np.maximum(largest, size)
+                return np.asarray(np.einsum("im,nim->nm", left, product))
+
+            lacks = np.array([1.0, 1j])[: len(comp.missing)] @ terms(comp.missing)
+            total += np.abs(lacks) * comp.growth(w)
+            largest: Array = np.zeros(z.size)
+            for error in view.errors:
+                size = np.abs(terms(error) * w ** np.arange(len(error))[:, None])
+                largest = np.maximum(largest, np.sum(size, axis=0))
             total += view.growth * largest
         return np.asarray(total / np.abs(q.slope))

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .component import AtPoint, Component, Placed, square_of
-from .moments import SIGMA, Rows
+from .rows import SIGMA, Rows
 
 Array = NDArray[np.float64]
 

@@ -31,7 +31,8 @@ from brake_fenicsx.iteration import Steps, sizes
 from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
 from .component import Array, Component, Index, Placed
-from .moments import Complement, Rows
+from .complement import Complement
+from .rows import Rows
 from .polynomials import Coefficients, applied
 from .sample import Sample
 
