@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from ..modes import Complex
 from .frequency import Polynomial
 from .interpolated import InterpolatedMoments, Moments
-from .rows import SIGMA, Rows, shifted_polynomial
 from .parameters import CONSTANT, Parameters
+from .rows import SIGMA, Rows, shifted_polynomial
 from .substructure import SAME_ENTRY, MirrorImage, Substructure, mirror_image, turned_across
 
 Array = NDArray[np.float64]
@@ -211,21 +211,6 @@ class Placed:
     dofs: Index
     signs: Array
     modes: slice
-
-
-def square_of(at: Index, down: int = 0, right: int = 0) -> tuple[Any, Any]:
-    """Rows and columns of some elements; as slices where they can be, ten times as fast.
-
-    Args:
-        at: numbers of the elements.
-        down: row of the first element of all.
-        right: column of the first element of all.
-    """
-    if at.size and np.array_equal(at, np.arange(at[0], at[0] + at.size)):
-        first, last = int(at[0]), int(at[0]) + at.size
-        return slice(down + first, down + last), slice(right + first, right + last)
-    rows, columns = np.ix_(at + down, at + right)
-    return rows, columns
 
 
 def originals_and_images(

@@ -1,9 +1,9 @@
 """Polynomials in the frequency through the values of a body at a few Chebyshev points.
 
-What the kept modes leave out has its poles beyond the cutoff, so that with every point a polynomial
-through Chebyshev points of the band gains a factor that Bernstein's ellipse tells: 10.9 for a
-cutoff of 1.8 times the band's end (L. N. Trefethen, Approximation Theory and Approximation Practice,
-2013, chapter 8). The points are real kappa = -lambda^2 of an undamped body, and lambda on the
+What the kept modes leave out has its poles beyond the cutoff, so that a polynomial through
+Chebyshev points of the band gains with every point a factor that Bernstein's ellipse tells: 10.9
+for a cutoff of 1.8 times the band's end (L. N. Trefethen, Approximation Theory and Approximation
+Practice, 2013, chapter 8). The points are real kappa = -lambda^2 of an undamped body, and lambda on the
 imaginary axis of a damped one, where conjugate points come free. The first one lies next to the
 equilibrium. The value at one point more, the end of the band, measures the error: it is the largest
 of the band, since the nearest pole lies beyond.
@@ -134,9 +134,11 @@ class Polynomial:
         size = np.prod(np.abs(w[:, None] - nodes), axis=1) / at_end
         others = np.prod(np.abs(nodes[0] - nodes[1:])) / at_end
         within = np.minimum(1.0, others * np.abs(w - nodes[0]))
-        # A pole acts by its distance.
-        shift = self._rows.shift
-        reach = np.abs(w + shift) if self._rows.damped else np.abs(w - SIGMA)
-        far = pole if self._rows.damped else pole**2
-        nearer = (far - 1.0) / np.maximum(far - reach, NEAR)
+        # A pole acts by its distance: real ones of kappa, those of a damped body anywhere.
+        if self._rows.damped:
+            far, apart = pole, pole - np.abs(w + self._rows.shift)
+        else:
+            far = pole**2
+            apart = np.hypot(np.maximum(far + SIGMA - w.real, 0.0), w.imag)
+        nearer = (far - 1.0) / np.maximum(apart, NEAR)
         return np.asarray(np.maximum(within, size) * np.maximum(1.0, nearer))

@@ -21,10 +21,10 @@ from brake_fenicsx.errors import InaccurateResult
 
 from .contact import ContactLinearisation
 from .errors import Corrected, corrected
-from .rows import SIGMA
 from .polynomials import Zeros
 from .problem import Quotient
 from .projected import Projected
+from .rows import SIGMA
 from .sample import Sample
 from .trial import LITTLE, Held, TrialSpace, real_columns
 
@@ -81,10 +81,10 @@ class Basis:
             return
         closed = np.flatnonzero(stiffness > LITTLE * stiffness.max(initial=0.0))
         place = np.searchsorted(np.flatnonzero(stiffness), closed)
-        seen = q.left[: sample.count]
+        seen = q.left[: sample.closed.count]
         y = np.zeros((stiffness.size, 2 * q.y.shape[1]), complex)
         y[closed] = np.hstack([q.y[place], seen[place] / stiffness[closed, None]])
-        a = np.hstack([q.right, q.left[sample.count :]])
+        a = np.hstack([q.right, q.left[sample.closed.count :]])
         T = 0.5 * (sample.T[0] + sample.T[0].T)
         moments = float(np.max(interpolated * np.abs(q.slope), initial=0.0))
         self._held = [

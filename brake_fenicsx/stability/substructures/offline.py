@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from brake_fenicsx.folder.processes import in_turns
 
 from .component import image_arrays, originals_and_images
-from .rows import Rows
 from .parameters import Parameters
-from .rows import Rows
 from .reduction import Reduction, kept_modes
+from .rows import Rows
 from .substructure import Substructure
 
 Index = NDArray[np.intp]

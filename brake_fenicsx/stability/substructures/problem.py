@@ -32,8 +32,8 @@ from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
 from .errors import ROUND_OFF
 from .expansion import expanded
-from .rows import Rows
 from .polynomials import Coefficients, Zeros, applied, zeros
+from .rows import Rows
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

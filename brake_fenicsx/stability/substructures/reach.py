@@ -20,8 +20,8 @@ from brake_fenicsx.folder.log import logger
 from ..modes import relative_errors
 from .contact import ContactLinearisation
 from .errors import SAFETY
-from .rows import SIGMA
 from .parameters import BETWEEN
+from .rows import SIGMA
 from .sample import Sample
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ def _of_each_parameter(model: ReducedModel, contact: ContactLinearisation) -> Ar
             views = [replace(view, errors=view.errors[:1]) for view in model.at(x)]
             sample = Sample(model.bodies, views, contact, model.areas(x), model.rows, omega)
             found = sample.zeros(*model.searched)
-            errors = sample.interpolation_errors(found.z, sample.quotient(found))
+            errors = sample.polynomial_errors(found.z, sample.quotient(found))
             largest += list(factor * errors / np.maximum(np.abs(found.z - zero), NEAR_ZERO))
         out[j] = np.quantile(largest, 1 - ALLOWED)
     return out

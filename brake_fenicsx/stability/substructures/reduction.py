@@ -248,7 +248,7 @@ def lagrange(nodes: Array, x: complex) -> NDArray[np.complex128]:
 def proportional(
     K: sp.csr_matrix, C: sp.csr_matrix | None, M: sp.csr_matrix
 ) -> tuple[float, float] | None:
-    """alpha and beta of a damping C = alpha M + beta K, both 0 without; None of any other one."""
+    """Alpha and beta of a damping C = alpha M + beta K, both 0 without; None of any other one."""
     if C is None:
         return 0.0, 0.0
     gram = np.array([[(A.multiply(B)).sum() for A in (M, K)] for B in (M, K)])
