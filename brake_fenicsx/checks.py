@@ -37,15 +37,15 @@ def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
     """
     stats = None
     if "surface" in scene.stages:
-        from brake_fenicsx.surface.of_scene import read_surface
+        from brake_fenicsx.build.measured_surface import read_surface
 
         stats = read_surface(scene)
     if "equilibrium" in scene.stages:
-        from brake_fenicsx.macro.brake import check_brake
+        from brake_fenicsx.build.brake import check_brake
 
         check_brake(scene, comm)
         if any(changes_bodies(scene, name) for name in scene.varied):
-            from brake_fenicsx.uncertainty.changing_bodies import check_box
+            from brake_fenicsx.build.box import check_box
 
             check_box(scene)
     return stats
@@ -55,7 +55,7 @@ def remarks(scene: Scene, comm: MPI.Comm) -> list[str]:
     """What is right and still may surprise: a line each, on the first process."""
     if comm.rank or "equilibrium" not in scene.stages:
         return []
-    from brake_fenicsx.macro.parts import cut_loads
+    from brake_fenicsx.build.part_builders import cut_loads
 
     return [*cut_loads(scene), *_undamped(scene, counted=True)]
 

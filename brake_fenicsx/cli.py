@@ -141,7 +141,7 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         if options.json and comm.rank == 0:
             _print_json(done.outcome())
     elif options.command == "budget":
-        from brake_fenicsx.variants.budget import run_budget
+        from brake_fenicsx.extras.variants.budget import run_budget
 
         page = run_budget(
             options.scene, comm, options.directory, options.set, options.cache, options.minutes
@@ -153,9 +153,9 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
 
         describe(options.scene, comm, options.set, options.json, options.quiet)
     elif options.command == "countermeasures":
+        from brake_fenicsx.extras.variants.countermeasures import find_countermeasures
+        from brake_fenicsx.extras.variants.countermeasures_page import countermeasures_text
         from brake_fenicsx.results.tables import read_rows
-        from brake_fenicsx.variants.countermeasures import find_countermeasures
-        from brake_fenicsx.variants.countermeasures_page import countermeasures_text
 
         found = find_countermeasures(
             options.scene, comm, options.directory, options.set, options.cache
@@ -169,20 +169,20 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
 
         _print_json(json_schema(Scene))
     elif comm.rank == 0 and options.command == "compare":
-        from brake_fenicsx.variants.comparison import comparison_text, write_comparison
+        from brake_fenicsx.extras.variants.comparison import comparison_text, write_comparison
 
         page = write_comparison(options.first, options.second, options.directory)
         print(comparison_text(options.first, options.second))
         print(f"open {page}")
     elif options.command == "correlate":
-        from brake_fenicsx.correlation.study import correlate
+        from brake_fenicsx.extras.measured.study import correlate
 
         given = options.scene, options.test, options.part, options.supported
         text = correlate(*given, options.directory, options.set, write=comm.rank == 0)
         if comm.rank == 0:
             print(text)
     elif options.command == "identify":
-        from brake_fenicsx.correlation.identify import identify
+        from brake_fenicsx.extras.measured.identify import identify
 
         text = identify(
             options.scene, options.peaks, options.part, options.material, options.supported,
@@ -192,7 +192,9 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         if comm.rank == 0:
             print(text)
     elif options.command == "init":
-        from brake_fenicsx.macro.draft.text import write_scene  # starts PETSc on all processes
+        from brake_fenicsx.extras.decks.draft.text import (
+            write_scene,  # starts PETSc on all processes
+        )
 
         scene = Path(options.scene or f"{Path(options.deck).stem}.toml")
         if comm.rank == 0:
@@ -204,7 +206,7 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         status = read_status(options.directory)
         print(status.text()) if not options.json else _print_json(status.facts())
     elif comm.rank == 0 and options.command == "export":
-        from brake_fenicsx.report.universal import export_modes
+        from brake_fenicsx.extras.measured.universal import export_modes
 
         print(f"wrote {export_modes(options.directory)}")
     elif comm.rank == 0:

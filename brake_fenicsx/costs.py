@@ -1,13 +1,4 @@
-"""What a run will cost: memory and disc by its sizes, time by an earlier run on this machine.
-
-The seconds of each stage of that run, and of its samples solve by solve, are scaled by the work of
-the stage. With n free dofs, m contact elements and N samples, the work grows as
-
-    surface    scans                         brake      n
-    micro      laws, pixels; periodic        offline    n^1.6, a sparse factor
-               ones, pixels^2
-    samples    N m^2 through a reduced model, N n at full order, approach by approach
-    sweep      as samples, for each value    results, report: as they were
+"""What a run will cost: memory and disc by its sizes, time by a second of work on this machine.
 
 A process holds 0.25 GB, and 9 kB n with factors of the bodies one by one, 10 kB n more to solve at
 full order, 19 kB n more with damping there; pictures take 0.3 GB, when the samples are done. All
@@ -16,8 +7,7 @@ where d moduli are random or swept the moments at the points of an interpolation
 C(d + 4, 4). A process of run --share holds beside that what a sample needs. Peaks of shipped brakes
 lie within a factor of 1.5 of these figures.
 
-Without an earlier run the times are those of docs/benchmarks.md, scaled by the time that a second
-of work takes here.
+The times are those of docs/benchmarks.md, scaled by the time that a second of work takes here.
 """
 
 from __future__ import annotations
@@ -26,13 +16,12 @@ import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import comb, prod
+from math import comb
 from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import active_terms, reduced_approaches
-from brake_fenicsx.scene.in_effect import in_effect
 from brake_fenicsx.scene.scalars import changes_bodies
 
 # Degree of the interpolation over scalars of the bodies at the default tolerance, and the points
@@ -40,7 +29,7 @@ from brake_fenicsx.scene.scalars import changes_bodies
 DEGREE, CHECKED = 4, 2
 # What else is made where a stage is named.
 MADE_BY = {"equilibrium": ("brake", "offline", "samples", "sweep", "results")}
-# CPU seconds that ``_work_of_a_second`` took where the runs of docs/benchmarks.md were measured.
+# CPU seconds that ``work_of_a_second`` took where the runs of docs/benchmarks.md were measured.
 REFERENCE = 0.8
 BASE, PICTURES = 0.25, 0.3  # [GB]: the libraries, and VTK with Matplotlib
 
@@ -118,12 +107,19 @@ def run_sizes(scene: Scene, samples: Mapping[str, int], dofs: int, elements: int
 
 
 def calibrated_seconds(
-    scene: Scene, samples: Mapping[str, int], dofs: float, elements: float
+    scene: Scene, samples: Mapping[str, int], dofs: float, elements: float, work: float
 ) -> dict[str, float]:
-    """Seconds of the stages of a run where none was measured: a second of work on this machine.
+    """Seconds of the stages of a run on one process of this machine.
 
-    By the seconds that this work and the runs of docs/benchmarks.md took on one machine, and the
-    growth that they show; on one process.
+    By the seconds that a second of work and the runs of docs/benchmarks.md took on one machine, and
+    the growth that they show.
+
+    Args:
+        scene: the scene.
+        samples: number of its samples of each approach.
+        dofs: its free dofs.
+        elements: its contact elements.
+        work: what ``work_of_a_second`` takes on this machine [s].
     """
     n, m = dofs / 40_745, elements / 1368
     solves, micro = count_solves(scene, samples), scene.micro
@@ -142,11 +138,10 @@ def calibrated_seconds(
         "results": 2 + 10 * n, "report": 14.0,
     }  # fmt: skip
     kept = {name for stage in scene.stages for name in MADE_BY.get(stage, (stage,))}
-    slower = _work_of_a_second() / REFERENCE
-    return {name: slower * s for name, s in seconds.items() if s and name in kept}
+    return {name: work / REFERENCE * s for name, s in seconds.items() if s and name in kept}
 
 
-def _work_of_a_second() -> float:
+def work_of_a_second() -> float:
     """CPU seconds for products of matrices, transforms and a sparse factor, as a run has them."""
     import numpy as np
     import scipy.sparse as sp
@@ -173,75 +168,12 @@ def earlier_run(folder: Path) -> dict[str, Any] | None:
     return facts if {"seconds", "in_effect", "processes"} <= {*facts} else None
 
 
-def scaled_seconds(
-    facts: Mapping[str, Any], scene: Scene, samples: Mapping[str, int], dofs: float, elements: float
-) -> dict[str, float]:
-    """Seconds of the stages of a run, by the work of another scene.
-
-    Args:
-        facts: of the run that was measured.
-        scene: the scene.
-        samples: number of its samples of each approach.
-        dofs: its free dofs.
-        elements: its contact elements.
-    """
-    measured = dict(facts["seconds"])
-    before = _work(facts["in_effect"], facts.get("dofs", 0), facts.get("contact_elements", 0))
-    now = _work(in_effect(scene), dofs, elements)
-    # A run that went on found a reduced model and samples there.
-    if "offline" in measured:
-        made = facts.get("reduced_model", {}).get("seconds", 0.0)
-        measured["offline"] = max(measured["offline"], made)
-    if "samples" in measured:
-        solved = {name: about["good"] for name, about in facts["samples"].items()}
-        # What else the stage does is the verification at full order.
-        rest = max(measured["samples"] - _solving(facts, solved), 0.0)
-        measured["samples"] = rest + _solving(facts, samples)
-    return {
-        stage: seconds * now[stage] / before[stage]
-        for stage, seconds in measured.items()
-        if before.get(stage) and now.get(stage)
-    }
-
-
-def _solving(facts: Mapping[str, Any], samples: Mapping[str, int]) -> float:
-    """Seconds for samples of each approach, as each took in a run; others as the dearest."""
-    each = {
-        name: about.get("seconds_per_equilibrium", 0.0) + about.get("seconds_per_stability", 0.0)
-        for name, about in facts.get("samples", {}).items()
-    }
-    dearest = max(each.values(), default=0.0)
-    total = sum(count * each.get(name, dearest) for name, count in samples.items())
-    return total / float(facts["processes"])
-
-
-def _work(settings: Mapping[str, Any], dofs: float, elements: float) -> dict[str, float]:
-    """Work of the stages of settings in effect, each in a unit of its own, and of one sample."""
-    surface, micro, stability, sweep = (
-        settings.get(name, {}) for name in ("surface", "micro", "stability", "sweep")
-    )
-    scans = surface.get("scan", "")
-    pixels = micro.get("pixels", 0)
-    power = 2 if micro.get("boundary") == "periodic" else 1
-    one = elements**2 if stability.get("method") == "reduced" else dofs
-    values = [r.get("values", range(r["steps"])) for r in sweep.get("parameters", {}).values()]
-    work = {
-        "surface": 1 if isinstance(scans, str) else len(scans),
-        "micro": 0 if isinstance(pixels, str) else micro.get("laws", 0) * pixels**power,
-        "brake": dofs, "offline": dofs**1.6, "samples": one,
-        "sweep": prod(map(len, values)) * one if values else 0.0, "results": 1, "report": 1,
-    }  # fmt: skip
-    kept = {name for stage in settings["stages"] for name in MADE_BY.get(stage, (stage,))}
-    return {name: value for name, value in work.items() if name in kept}
-
-
-def cost_lines(sizes: Sizes, seconds: Mapping[str, float], told: str, processes: int) -> list[str]:
+def cost_lines(sizes: Sizes, seconds: Mapping[str, float], processes: int) -> list[str]:
     """What a person reads of the costs: memory, disc, time, and how far to trust them.
 
     Args:
         sizes: memory and disc.
-        seconds: of each stage; none where no run was measured.
-        told: what the run was that took them, or how to get one.
+        seconds: of each stage, estimated.
         processes: number of processes that hold the memory.
     """
     whole = processes * (sizes.process - sizes.shared) + sizes.shared
@@ -250,14 +182,18 @@ def cost_lines(sizes: Sizes, seconds: Mapping[str, float], told: str, processes:
         f"; a process of run --share {sizes.share:.1f} GB, and {sizes.shared:.1f} GB once on each"
         " node"
     )
-    each = ", ".join(f"{stage} {time_text(value)}" for stage, value in seconds.items())
-    total = f"about {time_text(sum(seconds.values()))}, {told}: {each}" if seconds else told
     return [
         f"memory: about {sizes.process:.1f} GB{every}{share if sizes.share else ''}",
         f"disc: about {sizes.disc:.1f} GB",
-        f"time: {total}",
+        f"time: about {stage_times(seconds)}, on one process, by a second of work on this machine",
         "these are estimates: memory within a factor of 1.5 as a rule, time of three",
     ]
+
+
+def stage_times(seconds: Mapping[str, float]) -> str:
+    """Seconds of stages for a person: their sum, then each."""
+    each = ", ".join(f"{stage} {time_text(value)}" for stage, value in seconds.items())
+    return f"{time_text(sum(seconds.values()))} ({each})"
 
 
 def time_text(seconds: float) -> str:

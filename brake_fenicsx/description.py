@@ -25,7 +25,8 @@ from brake_fenicsx.costs import (
     count_solves,
     earlier_run,
     run_sizes,
-    scaled_seconds,
+    stage_times,
+    work_of_a_second,
 )
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.damping import active_terms
@@ -62,14 +63,14 @@ def describe(
     samples: dict[str, int] = {}
     side = None
     if "equilibrium" in parsed.stages:
-        from brake_fenicsx.macro.brake import assemble_brake
-        from brake_fenicsx.macro.inventory import (
+        from brake_fenicsx.build.brake import assemble_brake
+        from brake_fenicsx.build.inventory import (
             brake_doubts,
             interfaces_of,
             inventory_lines,
             parts_of,
         )
-        from brake_fenicsx.uncertainty.sampling import sample_count
+        from brake_fenicsx.samples.sampling import sample_count
 
         brake = assemble_brake(parsed, comm)
         sizes, doubts = brake.size(), brake_doubts(parsed, brake)
@@ -92,13 +93,7 @@ def describe(
     lines += _law_lines(parsed, side)
     size = sizes.get("dofs", 0), sizes.get("contact_elements", 0)
     memory = run_sizes(parsed, samples, *size)
-    earlier = Path.cwd() / f"{parsed.file.stem}-results"
-    facts = earlier_run(earlier)
-    seconds = (
-        scaled_seconds(facts, parsed, samples, *size)
-        if facts
-        else calibrated_seconds(parsed, samples, *size)
-    )
+    seconds = calibrated_seconds(parsed, samples, *size, work_of_a_second())
     noted = [*doubts, *warnings(parsed, side), *surface_warnings(parsed, stats)]
     if as_json:
         content = {
@@ -112,18 +107,20 @@ def describe(
         }  # fmt: skip
         lines = [json.dumps(content, indent=1)]
     else:
-        costs = cost_lines(memory, seconds, _measured(facts, earlier), comm.size)
-        lines = [] if quiet else [*lines, *costs]
+        costs = cost_lines(memory, seconds, comm.size)
+        measured = _measured(Path.cwd() / f"{parsed.file.stem}-results")
+        lines = [] if quiet else [*lines, *costs, *measured]
         lines += [f"warning: {text}" for text in noted]
     if comm.rank == 0 and lines:
         print("\n".join(lines))
 
 
-def _measured(facts: Mapping[str, Any] | None, folder: Path) -> str:
-    """Where times come from."""
-    if facts is None:
-        return "on one process, by a second of work on this machine; a run of it tells more"
-    return f"on {several(facts['processes'], 'process', 'processes')} as in {folder.name}"
+def _measured(folder: Path) -> list[str]:
+    """What an earlier run of the scene took, as it was measured."""
+    if (facts := earlier_run(folder)) is None:
+        return []
+    on = several(facts["processes"], "process", "processes")
+    return [f"measured: the run in {folder.name} took {stage_times(facts['seconds'])} on {on}"]
 
 
 def _scan_lines(stats: SurfaceStatistics | None) -> Iterator[str]:

@@ -27,7 +27,7 @@ from brake_fenicsx.folder.sample_files import BLOCK, Task
 
 if TYPE_CHECKING:
     from brake_fenicsx.model import Model
-    from brake_fenicsx.uncertainty.study import Study
+    from brake_fenicsx.samples.study import Study
 
 Record = dict[str, Any]
 
@@ -87,7 +87,7 @@ def samples_elsewhere(
         SceneError: a worker cannot enter the folder.
         BrakeError: samples are missing since workers ended; raised after all others.
     """
-    from brake_fenicsx.uncertainty.shared_matrices import with_shared_matrices
+    from brake_fenicsx.samples.shared_matrices import with_shared_matrices
 
     study = model.study
     _prepare(study, tasks)
@@ -173,7 +173,7 @@ def _prepare(study: Study, tasks: Sequence[Task]) -> None:
 
 
 def _computed(study: Study, task: Task) -> Record:
-    from brake_fenicsx.uncertainty.ensemble import compute_sample
+    from brake_fenicsx.samples.ensemble import compute_sample
 
     compute_sample(task, study.work, study.store)
     return _read(study, task)

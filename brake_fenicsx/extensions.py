@@ -22,7 +22,7 @@ from brake_fenicsx.scene.scalars import check_scalar
 if TYPE_CHECKING:
     import scipy.sparse as sp
 
-    from brake_fenicsx.macro.brake import Brake
+    from brake_fenicsx.build.brake import Brake
 
 Array = NDArray[np.float64]
 

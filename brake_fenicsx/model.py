@@ -38,8 +38,8 @@ from brake_fenicsx.stages import Run
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium
+    from brake_fenicsx.samples.study import Study
     from brake_fenicsx.stability.modes import Modes
-    from brake_fenicsx.uncertainty.study import Study
 
 Array = NDArray[np.float64]
 

@@ -17,6 +17,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from brake_fenicsx.build.law_stage import law_recipe, micro_stage
 from brake_fenicsx.checks import (
     check,
     remarks,
@@ -34,7 +35,6 @@ from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.log import logger, start_log
 from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.law_stage import law_recipe, micro_stage
 from brake_fenicsx.results.versions import differences, versions
 from brake_fenicsx.scene import STAGES, read_scene
 from brake_fenicsx.scene.digest import result_digest
@@ -43,10 +43,10 @@ from brake_fenicsx.scene.in_effect import in_effect
 from brake_fenicsx.stages import Run, note_warnings
 
 if TYPE_CHECKING:
-    from brake_fenicsx.macro.brake import Brake
+    from brake_fenicsx.build.brake import Brake
     from brake_fenicsx.micro import LawLibrary
+    from brake_fenicsx.samples.study import Study
     from brake_fenicsx.surface import SurfaceStatistics
-    from brake_fenicsx.uncertainty.study import Study
 
 DRAWING = 4  # processes that draw figures: each reads all results
 
@@ -64,7 +64,7 @@ def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         slips along and across the sliding direction of every contact element; ``w`` [m^2], their
         areas; ``f`` [N], the loads; ``points`` [m], ``mesh``.
     """
-    from brake_fenicsx.macro.brake import assemble_brake
+    from brake_fenicsx.build.brake import assemble_brake
 
     return assemble_brake(read_scene(scene, overrides), comm)
 
@@ -228,8 +228,8 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
 
 def brake_stage(this: Run) -> Brake:
     """Operators of the brake; the side of the mean contact element where laws are to have it."""
-    from brake_fenicsx.macro.brake import assemble_brake
-    from brake_fenicsx.macro.inventory import brake_doubts
+    from brake_fenicsx.build.brake import assemble_brake
+    from brake_fenicsx.build.inventory import brake_doubts
 
     with this.stage("brake"):
         brake = assemble_brake(this.scene, this.comm)
@@ -251,7 +251,7 @@ def brake_stage(this: Run) -> Brake:
             this.facts,
         )
     if this.comm.size > 1 or not this.whole:
-        from brake_fenicsx.uncertainty.shared_matrices import with_shared_matrices
+        from brake_fenicsx.samples.shared_matrices import with_shared_matrices
 
         brake = with_shared_matrices(brake, this.store, this.comm)
     mean_patch = 1e-3 * float(this.facts["mean_patch_mm"])
@@ -276,7 +276,7 @@ def make_study(
     this: Run, stats: SurfaceStatistics | None, library: LawLibrary | None, brake: Brake
 ) -> Study:
     """What the samples of a scene share, made or read from the folder; collective."""
-    from brake_fenicsx.uncertainty.study import Study
+    from brake_fenicsx.samples.study import Study
 
     hdf = stats.hdf if stats else None
     waviness, surface, micro = None, this.scene.surface, this.scene.micro
@@ -328,9 +328,12 @@ def mechanics(
             this.facts |= sweep.write()
         this.facts |= study.facts
         if "stuck_contact" in this.facts:
-            from brake_fenicsx.uncertainty.forces import stuck_warnings
+            from brake_fenicsx.samples.forces import stuck_warnings
 
             note_warnings(this, stuck_warnings(this.scene, this.facts["stuck_contact"]))
+        from brake_fenicsx.samples.forces import law_warnings
+
+        note_warnings(this, law_warnings(this.scene, this.facts["samples"]))
         note_open_points(this)
         note_warnings(this, this.facts.pop("lost_extras", []))
         if "report" in this.scene.stages:

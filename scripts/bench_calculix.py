@@ -46,9 +46,9 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh
 
 from brake_fenicsx import compat, prepare
-from brake_fenicsx.macro.brake import Brake, assemble_brake
+from brake_fenicsx.build.brake import Brake, assemble_brake
+from brake_fenicsx.build.material_table import layer_materials
 from brake_fenicsx.macro.elasticity import COMPONENTS, mass_form, on_free_dofs
-from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.scene import Scene, read_scene
 
 Array = NDArray[np.float64]
@@ -124,7 +124,7 @@ class Deck:
         yield "*NODE, NSET=ALL"
         for i, p in enumerate(self.x, 1):
             yield f"{i},{p[0]:.12g},{p[1]:.12g},{p[2]:.12g}"
-        materials = layer_materials(scene, scene_materials(scene), mesh.layers)
+        materials = layer_materials(scene, mesh.layers)
         for layer, tag in mesh.layers.items():
             name = re.sub(r"\W", "_", layer)
             yield f"*ELEMENT, TYPE=C3D{self.cells.shape[1]}, ELSET={name}"
@@ -219,7 +219,7 @@ def by_calculix(lines: Iterable[str], folder: Path) -> tuple[Array, float]:
 def mass_of_few_points(scene: Scene, brake: Brake) -> sp.csr_matrix:
     """Mass on the free dofs by four points in a quadratic tetrahedron, one in a linear one."""
     mesh, free = brake.mesh, brake.elastic.free
-    materials = layer_materials(scene, scene_materials(scene), mesh.layers)
+    materials = layer_materials(scene, mesh.layers)
     u, v = ufl.TrialFunction(free.V), ufl.TestFunction(free.V)
     total = sp.csr_matrix((free.size, free.size))
     for layer, tag in mesh.layers.items():

@@ -170,8 +170,8 @@ def write_again(source: Path, target: Path, block: int) -> None:
 def intervals(args: argparse.Namespace) -> None:
     """First-order indices of Ishigami's function: error, width and coverage of the intervals."""
     from brake_fenicsx.results.sensitivity import indices
+    from brake_fenicsx.samples.designs import design_points, design_size
     from brake_fenicsx.scene.samples import Plan
-    from brake_fenicsx.uncertainty.designs import design_points, design_size
 
     a, b = 7.0, 0.1
     variance = a**2 / 8 + b * np.pi**4 / 5 + b**2 * np.pi**8 / 18 + 0.5

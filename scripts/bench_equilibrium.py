@@ -41,7 +41,7 @@ def brake(
     """The reference brake with other mesh sizes [mm]."""
     from mpi4py import MPI
 
-    from brake_fenicsx.macro.brake import assemble_brake
+    from brake_fenicsx.build.brake import assemble_brake
     from brake_fenicsx.scene import read_scene
 
     changes = ["stages=['equilibrium']", "samples.n=1", "contact.pad_disc.gap=none",

@@ -1,16 +1,18 @@
 #!/usr/bin/env python3
-"""Laws at the pressures of braking: speed against error, three tables.
+"""Laws at the pressures of braking: speed against error, five tables.
 
     scripts/bench_laws.py pixels [--surfaces 20]      resolution, with bias and scatter kept apart
     scripts/bench_laws.py hardness [--surfaces 10]    stiffness of loading and of vibrations
     scripts/bench_laws.py grids [--surfaces 4]        a cascade of grids over one grid
     scripts/bench_laws.py scans                       measured surfaces and artificial ones
+    scripts/bench_laws.py direction [--surfaces 12]   isotropic and directional artificial surfaces
 
 ``pixels``: the same surfaces of 804 x 804 pixels, low-passed to fewer ("bias": median and rms of
 k over that of 804 on one grid), then surfaces drawn on each grid ("drawn": median and scatter of
 k). ``scans`` reads the folder named by BRAKE_FENICSX_SCANS: every window of a scan is pressed, and
 five artificial surfaces of the same size, spectrum and variance; k at p = 1e-4 E* h'_rms over that
-of the window.
+of the window. ``direction`` reads it too: k and v at 0.2 MPa, with a hardness of 200 MPa, of
+artificial surfaces over those of the scan itself, whole and of two quarters, each by its spectrum.
 """
 
 from __future__ import annotations
@@ -201,16 +203,57 @@ def scans() -> None:
     print("| mean of abs(ln) | | |" + "".join(f" {m:.2f} |" for m in mean))
 
 
+def direction(surfaces: int) -> None:
+    folder, kinds = Path(os.environ["BRAKE_FENICSX_SCANS"]), ("measured", "directional")
+    files = [*(folder / file for file in WINDOWS), SCAN]
+    print(
+        f"p = 0.2 MPa, hardness 200 MPa; medians of {surfaces} surfaces, and scatter of ln k, ln v"
+    )
+    print("| scan | pixels | anisotropy | k, isotropic | directional | v, isotropic | directional"
+          " | scatter of k, v | one surface and law [s] |")  # fmt: skip
+    print("|" + " --- |" * 9)
+    errors = []
+    for file in files:
+        whole = read_topography(file)
+        n, m = (s // 2 for s in whole.shape)
+        corners = [(0, 0, *whole.shape), (0, 0, n, m), (n, m, n, m)]
+        for i, j, nx, ny in corners:
+            size = (float(whole.pixel[0] * nx), float(whole.pixel[1] * ny))
+            part = make_topography(whole.heights[i : i + nx, j : j + ny], size)
+            found, start = [], time.perf_counter()
+            for kind in kinds:
+                stats = characterise(part, "second-order", spectrum=kind)
+                (scan,) = stats.topographies
+                same = make_topography(fill(scan.heights), size)
+                real = np.log(at_pressures(same, hardness=200e6)[1:3, 1])
+                drawn = [
+                    synthesise(stats.spectrum, stats.hdf, (nx, ny), size, np.random.default_rng(s))
+                    for s in range(surfaces)
+                ]
+                laws = [at_pressures(h, hardness=200e6)[1:3, 1] for h in drawn]
+                found.append(np.log(laws) - real)
+            seconds = (time.perf_counter() - start) / (2 * surfaces + 2)
+            middle, scatter = np.median(found, axis=1), np.std(found, axis=1).mean(axis=0)
+            errors.append(middle)
+            print(f"| {file.name.partition('_')[0]} | {nx} x {ny} | {stats.anisotropy:.2f}"
+                  f" | {' | '.join(f'{r:.2f}' for r in np.exp(middle.T).ravel())}"
+                  f" | {cells(scatter)} | {seconds:.2f} |", flush=True)  # fmt: skip
+    for name, those in (("whole scans", errors[::3]), ("all", errors)):
+        text = " | ".join(f"{e:.3f}" for e in np.mean(np.abs(those), axis=0).T.ravel())
+        print(f"| {name}, mean of abs(ln) | | | {text} | | |")
+
+
 def main() -> None:
     logging.getLogger("brake_fenicsx").setLevel(logging.ERROR)
     words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    words.add_argument("table", choices=("pixels", "hardness", "grids", "scans"))
+    words.add_argument("table", choices=("pixels", "hardness", "grids", "scans", "direction"))
     words.add_argument("--surfaces", default=20, type=int)
     asked = words.parse_args()
     if asked.table == "scans":
         scans()
     else:
-        {"pixels": pixels, "hardness": hardness, "grids": grids}[asked.table](asked.surfaces)
+        tables = {"pixels": pixels, "hardness": hardness, "grids": grids, "direction": direction}
+        tables[asked.table](asked.surfaces)
 
 
 if __name__ == "__main__":

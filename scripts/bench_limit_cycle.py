@@ -17,8 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from brake_fenicsx import prepare
-from brake_fenicsx.limit_cycle.sample import Settings
-from brake_fenicsx.uncertainty.solve import sample_damping
+from brake_fenicsx.extras.limit_cycle.sample import Settings
 
 ROOT = Path(__file__).parents[1]
 sys.path.append(str(ROOT / "tests"))
@@ -33,20 +32,20 @@ def prepared(ratio, k=0, changes=()):
     beta = f"stability.damping={{ rayleigh = ['0 1/s', '{2 * ratio / OMEGA:g} s'] }}"
     model = prepare(SCENE, ["samples.n=4", "limit_cycle={}", "countermeasures=[]", beta, *changes])
     task = (TASK[0], k)
-    sample = model.study._draw(*task)
+    sample = model.study.sample(task)
     eq, modes = model.study.solved(task, {})
     return model.study, sample, eq, modes, int(np.argmax(modes.s.real))
 
 
 def followed(study, sample, eq, modes, mode, harmonics, points):
-    cycles = study.cycles.sample(TASK[0], sample, eq)
+    cycles = study.cycles.sample(sample, eq)
     problem = cycles.problem(Settings(harmonics, points, 20e-6))
     return cycles.branch(problem, modes.s[mode], modes.right[:, mode], 20e-6)
 
 
 def stepped(study, sample, eq, amplitude):
-    C = sample_damping(study.models, sample, eq.p)
-    steps = TimeSteps(study.brake, eq, sample.laws, sample.mu, C)
+    C = sample.brake.C(sample.friction, eq.p)
+    steps = TimeSteps(study.brake, eq, sample.laws, sample.friction.mu, C)
     weights = study.brake.w * (eq.p > 0)
     gaps = steps.run(0.04, STEP, amplitude)
     return measured(gaps, STEP, weights / weights.sum())
@@ -107,7 +106,7 @@ def cost():
             damping = f"stability.damping={{ rayleigh = ['0 1/s', '{beta:g} s'] }}"
             changes = ["samples.n=1", "limit_cycle={}", *([damping] if beta else [])]
             study = prepare(SCENE.with_name(scene), changes).study
-            sample, linear = study._draw(*TASK), []
+            sample, linear = study.sample(TASK), []
             for _ in range(3):
                 start = time.process_time()
                 eq, modes = study.solved(TASK, {})
@@ -116,8 +115,8 @@ def cost():
             branch = followed(study, sample, eq, modes, mode, 5, 32)
             seconds, modes = time.process_time() - start, np.median(linear)
             print(
-                f"| {scene} | {beta:g} | {sample.mu.size} | {len(branch.points)} | {branch.end} |"
-                f" {seconds:.1f} | {modes:.2f} | {seconds / modes:.1f} |"
+                f"| {scene} | {beta:g} | {study.brake.w.size} | {len(branch.points)} |"
+                f" {branch.end} | {seconds:.1f} | {modes:.2f} | {seconds / modes:.1f} |"
             )
 
 

@@ -29,7 +29,10 @@ from mpi4py import MPI
 import numpy as np
 import scipy.sparse as sp
 
-from brake_fenicsx.macro.brake import Brake, assemble_brake
+from brake_fenicsx.build.brake import Brake, assemble_brake
+from brake_fenicsx.build.changes import assemble_changes
+from brake_fenicsx.build.damping_terms import damping_terms
+from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.stability import (
     ContactLinearisation,
@@ -39,13 +42,10 @@ from brake_fenicsx.stability import (
     contact_interface,
     split_substructures,
 )
-from brake_fenicsx.stability.damping import sliding_damping, velocity_slope
+from brake_fenicsx.stability.damping_matrices import sliding_damping, velocity_slope
 from brake_fenicsx.stability.modes import THRESHOLD
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.substructures import CONSTANT
-from brake_fenicsx.stability.terms import damping_terms
-from brake_fenicsx.uncertainty.changing_bodies import assemble_changes
-from brake_fenicsx.uncertainty.numbering import dof_points
 
 SCENES = Path(__file__).parent / "scenes"
 BULK = {
@@ -142,8 +142,8 @@ class Case:
             C = C + self.terms.bulk
         if self.random is not None:
             values = self.random.box.values(x)
-            K = K + self.random.stiffness_change(values)
-            C = C + self.random.damping_change(values)
+            K = K + self.random.change(values, "K")
+            C = C + self.random.change(values, "C")
         C = C + sliding_damping(b.R, b.w, contact.across * V, V + 0 * b.w, 1.0)
         C = (C + velocity_slope(b.T, b.w, contact.along, 1.0)).tocsr()
         C.eliminate_zeros()

@@ -24,8 +24,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from brake_fenicsx.model import Model, prepare
+from brake_fenicsx.samples.solve import full_modes
 from brake_fenicsx.stability.modes import Modes
-from brake_fenicsx.uncertainty.solve import full_modes
 
 SCENE = Path(__file__).parent / "scenes" / "disc_brake_demo.toml"
 LINING, DISC = "parts.pad.lining", "parts.disc.thickness"
@@ -63,7 +63,7 @@ def main() -> None:
 
 def row(model: Model, ranges: dict[str, tuple[float, float]], full: bool) -> str:
     """Numbers of one set of ranges."""
-    (reduced,) = model.study.models.reduced.values()
+    (reduced,) = model.study.models.reduction.models.values()
     sampled, wholly, errors, estimates, beyond = [], [], [], [], []
     memory = 0.0
     for share in POINTS if ranges else POINTS[:1]:
@@ -93,8 +93,8 @@ def row(model: Model, ranges: dict[str, tuple[float, float]], full: bool) -> str
 def at_full_order(model: Model, values: dict[str, float]) -> Modes:
     """Modes of the same sample at full order, at its own equilibrium."""
     study = model.study
-    sample = study._draw("multi-scale", 0, values)
-    return full_modes(study.models, sample, study._prepared.of("multi-scale", sample))
+    sample = study.sample(("multi-scale", 0), values)
+    return full_modes(study.models, sample, study.balance(sample))
 
 
 if __name__ == "__main__":

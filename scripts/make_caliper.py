@@ -27,8 +27,8 @@ from scipy.spatial import KDTree
 from brake_fenicsx.geometry.part import PartEntities
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.mesh import build_mesh
 from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
 
 # Boxes [mm]: housing, bridge, fingers, and the bosses of both guide pins.

@@ -17,23 +17,23 @@ import pyvista as pv
 from dolfinx import plot
 
 from brake_fenicsx.geometry import disc, pad
-from brake_fenicsx.macro.mesh import build_mesh
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.meshing.brake_mesh import build_mesh
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 
 OUT = Path(__file__).parents[1] / "docs" / "meshes.png"
 COLOURS = {"body": "#b8bec6", "lining": "#c9743c", "plate": "#5b7fa6", "shim": "#3f8f6b"}
 VIEW = [(0.39, 0.15, 0.40), (0.0, 0.02, 0.0), (0.0, 0.0, 1.0)]
 
-CASES: list[tuple[Any, Any, MeshTable]] = [
+CASES: list[tuple[Any, Any, MeshSettings]] = [
     (
         disc.Disc(vanes=24, hat=40e-3, size=9e-3),
         pad.Pad(chamfer=8e-3, slot=3e-3, shim=(1e-3,), size=5e-3, plate_size=5e-3),
-        MeshTable(),
+        MeshSettings(),
     ),
     (
         disc.Disc(size=8e-3),
         pad.Pad(shim=(1e-3,), size=5e-3, plate_size=6e-3, shape="parallel"),
-        MeshTable(cells="hexahedra"),
+        MeshSettings(cells="hexahedra"),
     ),
 ]
 

@@ -16,8 +16,8 @@ import numpy as np
 from brake_fenicsx import prepare
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.macro.equilibrium import equilibrium
+from brake_fenicsx.samples.solve import linearised, reduced_modes
 from brake_fenicsx.stability.substructures import vectors
-from brake_fenicsx.uncertainty.solve import linearised, reduced_modes
 
 ROOT = Path(__file__).parents[1]
 SCENES = ROOT / "scripts" / "scenes"
@@ -29,13 +29,13 @@ BELOW = 1e-300
 def floors(study) -> list[str]:
     """Elements, modes and the largest of what each iteration leaves, of the first sample."""
     task = study.tasks[0]
-    models, sample = study.models, study._draw(*task)
-    reduced = models.takes(task[0], sample.random)
-    bodies = study.equilibria.bodies(task[0], sample, reduced)
-    eq = equilibrium(bodies, sample.laws, sample.mu_equilibrium, 2, tolerance=BELOW)
-    modes = reduced_modes(models, task[0], sample, eq)
-    model, p = models.reduced[models.damped(task[0])], models.parameter_point(sample.random)
-    contact = linearised(models, task[0], sample, eq.k_vibration, eq.p)
+    models, sample = study.models, study.sample(task)
+    reduced = models.reduction.takes(sample)
+    bodies = study.equilibria.bodies(sample, reduced)
+    eq = equilibrium(bodies, sample.laws, sample.friction.equilibrium, 2, tolerance=BELOW)
+    modes = reduced_modes(models, sample, eq)
+    model, p = models.reduction.of(sample), sample.brake.point
+    contact = linearised(sample, eq.k_vibration, eq.p)
     chosen = np.flatnonzero(modes.s.imag > 0.01 * 2 * np.pi * model.band[1])[:40]
     s, right, left = modes.s[chosen], modes.right[:, chosen], modes.left[:, chosen]
     with mock.patch.object(vectors, "SETTLED", BELOW):

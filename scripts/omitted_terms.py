@@ -25,11 +25,12 @@ from bench_ensemble import SCENE, study
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
-from brake_fenicsx.macro.brake import Brake, assemble_brake, scene_motion
+from brake_fenicsx.build.brake import Brake, assemble_brake
+from brake_fenicsx.build.interfaces import scene_motion
+from brake_fenicsx.build.material_table import layer_materials
 from brake_fenicsx.macro.elasticity import on_free_dofs, sigma
 from brake_fenicsx.macro.faces import Face, gather_face
 from brake_fenicsx.macro.integrals import facet_areas
-from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.macro.overlap import facing_pairs, overlap, rule
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.scene import read_scene
@@ -119,7 +120,7 @@ def stress_stiffness(scene: Any, brake: Brake, u: np.ndarray) -> sp.csr_matrix:
     a, v = ufl.TrialFunction(free.V), ufl.TestFunction(free.V)
     whole = ufl.Measure("dx", domain=mesh.domain, subdomain_data=mesh.cell_tags)
     parts = []
-    for name, m in layer_materials(scene, scene_materials(scene), mesh.layers).items():
+    for name, m in layer_materials(scene, mesh.layers).items():
         S = sigma(steady, ufl.as_matrix(np.asarray(m.C).tolist()))
         S = ufl.as_matrix([[S[0], S[5], S[4]], [S[5], S[1], S[3]], [S[4], S[3], S[2]]])
         form = ufl.inner(ufl.dot(ufl.grad(a), S), ufl.grad(v)) * whole(mesh.layers[name])

@@ -28,7 +28,8 @@ from mpi4py import MPI
 
 import numpy as np
 
-from brake_fenicsx.law_stage import law_recipe
+from brake_fenicsx.build.law_stage import law_recipe
+from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.report.inputs import contact_maps
@@ -40,7 +41,6 @@ from brake_fenicsx.report.surface_figures import draw_statistics
 from brake_fenicsx.report.topography_figures import draw_artificial
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.surface.of_scene import read_surface
 
 HERE = Path(globals().get("__file__", "scripts/paper_figures.py")).resolve().parent
 words = argparse.ArgumentParser(description="Figures 5 to 9 of the source, from one scene.")

@@ -43,8 +43,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from brake_fenicsx import run
+from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.folder.log import start_log
-from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.macro.solver import petsc_matrix
 from brake_fenicsx.micro import LawSettings, law_of_surface
 from brake_fenicsx.report.style import CYCLE, MARKERS, house_style

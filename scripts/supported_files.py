@@ -2,7 +2,7 @@
 """Write docs/supported_files.md: what is read of each kind of file, and of each keyword of a deck.
 
 The rows on files are what the readers find in the small files of tests/files, of which right.toml
-has the writer and what is right. The rows on keywords are the table of the reader itself.
+has the writer and what is right. The rows on scans and keywords are the tables of the readers.
 
 Run as: scripts/supported_files.py [FILE]
 """
@@ -17,12 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
-from brake_fenicsx.correlation.peaks import read_peaks
-from brake_fenicsx.macro.draft.text import write_scene
-from brake_fenicsx.macro.meshing.abaqus_keywords import HARMLESS, KNOWN, Known
-from brake_fenicsx.macro.meshing.meshfile import read_mesh_file
+from brake_fenicsx.extras.decks.abaqus_keywords import HARMLESS, KNOWN, Known
+from brake_fenicsx.extras.decks.draft.text import write_scene
+from brake_fenicsx.extras.measured.peaks import read_peaks
+from brake_fenicsx.meshing.meshfile import read_mesh_file
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.surface import read_topography
+from brake_fenicsx.surface.releases import FORMATS
 
 ROOT = Path(__file__).parents[1]
 FILES, OUT = ROOT / "tests" / "files", ROOT / "docs" / "supported_files.md"
@@ -37,6 +38,11 @@ Written by `scripts/supported_files.py`; do not edit it here.
 The files are those of `tests/files`, each with its right values in `tests/files/right.toml`. Other
 files of a program may hold more: what is not taken over has its line in the scene of `init`.
 """
+SCAN_FORMATS = """\
+## Scans of instruments, by release of SurfaceTopography
+
+| file | 1.18.2 | 1.27.1 | this program |
+| --- | --- | --- | --- |"""
 KEYWORDS = """\
 ## Keywords of Abaqus and CalculiX
 
@@ -112,7 +118,8 @@ def page() -> str:
         lost = rows.pop("left out", "")
         found = "; ".join(f"{key}: {value}" for key, value in rows.items() if value)
         lines.append(f"| `{name}` | {own['written']} | {found.removeprefix('found: ')} | {lost} |")
-    lines.append("")
+    formats = (f"| `{end}` | {f.now} | {f.later} | {f.here} |" for end, f in FORMATS.items())
+    lines += ["", SCAN_FORMATS, *formats, ""]
     lines += [f"{KEYWORDS}{', '.join(f'`*{word}`' for word in sorted(HARMLESS))}.", ""]
     lines += ["| keyword | options that are read | said, the rest is read | data lines |"]
     lines += ["| --- | --- | --- | --- |"]

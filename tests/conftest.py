@@ -6,7 +6,7 @@ The scenes import DOLFINx only when a test asks for them.
 import gc
 import logging
 from functools import cache
-from pathlib import Path
+from importlib import import_module
 
 import brake_fenicsx.cli  # noqa: F401 -- before NumPy: the matrix kernels of the command
 
@@ -69,6 +69,12 @@ def _log_of_its_own():
 
 
 @pytest.fixture
+def meshes():
+    """Makers and writers of small meshes."""
+    return import_module("small_meshes")
+
+
+@pytest.fixture
 def comm():
     """All processes of the test run."""
     return MPI.COMM_WORLD
@@ -76,12 +82,12 @@ def comm():
 
 def _one_pixel(monkeypatch, names):
     """Pictures of figures, meshes and modes have one pixel; a name is noted for each figure."""
-    from brake_fenicsx.report import animation, figures, render, turned
+    from brake_fenicsx.report import animation, figures, render
 
     def pixel(path, *args, **keys):
         from PIL import Image
 
-        Image.new("RGB", (1, 1)).save(path, "PNG" if Path(path).suffix == ".vtksz" else None)
+        Image.new("RGB", (1, 1)).save(path)
         return path
 
     def save(figure, directory, name):
@@ -90,8 +96,7 @@ def _one_pixel(monkeypatch, names):
 
     monkeypatch.setattr(figures, "save", save)
     for module, name in ((render, "render_mesh"), (render, "render_mode"),
-                         (animation, "animate_mode"),
-                         (turned, "write_scene")):  # fmt: skip
+                         (animation, "animate_mode")):  # fmt: skip
         monkeypatch.setattr(module, name, pixel)
     return names
 
@@ -139,12 +144,14 @@ class TwoBlocks:
         from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
         from brake_fenicsx.macro.friction import Translation
         from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
-        from brake_fenicsx.macro.mesh import build_mesh
-        from brake_fenicsx.scene.mesh import MeshTable
+        from brake_fenicsx.meshing.brake_mesh import build_mesh
+        from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 
         self.comm = comm
         self.parts = {"pad": (block, block.Block(**pad)), "plate": (block, block.Block(**plate))}
-        self.mesh = build_mesh(self.parts, comm, MeshTable(cells=cells)) if mesh is None else mesh
+        self.mesh = (
+            build_mesh(self.parts, comm, MeshSettings(cells=cells)) if mesh is None else mesh
+        )
         self.materials = {
             "pad.body": Material(transversely_isotropic(*self.LINING), 2510.0),
             "plate.body": Material(isotropic(125e9, 0.24), 7200.0),

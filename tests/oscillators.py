@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from brake_fenicsx.limit_cycle.bodies import Bodies
-from brake_fenicsx.limit_cycle.harmonic_balance import Condition, HarmonicBalance, Tangent
+from brake_fenicsx.extras.limit_cycle.bodies import Bodies
+from brake_fenicsx.extras.limit_cycle.harmonic_balance import Condition, HarmonicBalance, Tangent
 
 
 def matrices(M, C, K, out, acting):

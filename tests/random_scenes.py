@@ -15,8 +15,8 @@ import scipy.linalg as la
 from brake_fenicsx import prepare
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.pipeline import assemble
+from brake_fenicsx.samples.solve import linearised
 from brake_fenicsx.stability.operators import tangent
-from brake_fenicsx.uncertainty.solve import linearised, sample_damping
 from dense_reference import all_damped, all_lambda
 
 DAMPING = ("none", "rayleigh", "loss", "sliding", "slope", "mixed")
@@ -160,17 +160,17 @@ class Compared:
 
 def compared(study, task):
     """One sample beside LAPACK on the same matrices; None where it has no equilibrium."""
-    models, (approach, _) = study.models, task
-    sample = study._draw(*task)
+    models = study.models
+    sample = study.sample(task)
     try:
         eq, modes = study.solved(task, {})
     except (NotConverged, InaccurateResult):
         return None
-    b = models.contact(sample.random)
-    K = tangent(models.stiffness(sample), b.N, b.T, b.w, eq.k_vibration, sample.mu).toarray()
-    M, C = models.mass(sample).toarray(), sample_damping(models, sample, eq.p)
+    b = sample.brake.contact
+    K = tangent(sample.brake.K, b.N, b.T, b.w, eq.k_vibration, sample.friction.mu).toarray()
+    M, C = sample.brake.M.toarray(), sample.brake.C(sample.friction, eq.p)
     low, high = (2 * np.pi * f for f in models.stability.band)
-    model = models.reduced[models.damped(approach)]
+    model = models.reduction.of(sample)
     if C is None:
         exact = all_lambda(K, M)
         exact = np.concatenate([exact, -exact.conj()[np.abs(exact.real) > 1e-9 * np.abs(exact)]])
@@ -199,8 +199,8 @@ def compared(study, task):
     grows = true.real > 1e-6 * np.abs(true)
     wrong = np.sum((verdict == "stable") & grows & (true.real > floor[nearest]))
     wrong += np.sum((verdict == "unstable") & ~grows & (true.real < -floor[nearest]))
-    contact = linearised(models, approach, sample, eq.k_vibration, eq.p)
-    p = models.parameter_point(sample.random)
+    contact = linearised(sample, eq.k_vibration, eq.p)
+    p = sample.brake.point
     given = p, contact, s, modes.right[:, elastic]
     motions, right, left = model.motions(*given, modes.left[:, elastic])
     u, right_error = model.displacements(*given[:-1], right)

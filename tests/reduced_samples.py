@@ -13,7 +13,7 @@ from brake_fenicsx.stability import (
     ReducedModel,
     split_substructures,
 )
-from brake_fenicsx.stability.damping import gyroscopic, sliding_damping, velocity_slope
+from brake_fenicsx.stability.damping_matrices import gyroscopic, sliding_damping, velocity_slope
 from brake_fenicsx.stability.substructures import CONSTANT
 from dense_reference import Dense, agrees, all_lambda
 

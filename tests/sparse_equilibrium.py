@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.macro.equilibrium import Equilibrium, record
-from brake_fenicsx.macro.friction import friction_traction
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.macro.newton import Newton
 from brake_fenicsx.macro.solver import Factor, with_interface
@@ -73,7 +72,7 @@ class Sparse:
         self.u: Array = np.zeros_like(ops.f)
         self._sliding = bool(np.any(mu))
         # Nodal forces of a pressure: N' p + T' mu p.
-        traction = sp.diags(friction_traction(np.ones_like(self.w), mu))
+        traction = sp.diags(mu * np.ones_like(self.w))
         self._push = (ops.N + traction @ ops.T).tocsr() if self._sliding else ops.N
 
     def carried(self) -> tuple[float, float]:

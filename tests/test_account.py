@@ -8,18 +8,25 @@ from pathlib import Path
 
 import pytest
 
+from brake_fenicsx.extras.variants.comparison import comparison_text
 from brake_fenicsx.folder.kernels import kernels_in_use
 from brake_fenicsx.results.versions import differences
-from brake_fenicsx.variants.comparison import comparison_text
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 PROGRAM = (sys.executable, "-m", "brake_fenicsx.cli")
 # File in the home folder or the working directory -> what stands in it.
 GMSH = "Mesh.MeshSizeFactor = 2; Mesh.RandomSeed = 9; Mesh.Algorithm = 1; General.NumThreads = 2;\n"
 PETSC = "-hostile 1\n-brake_compliance_ksp_type none\n-eps_tol 1\n-st_pc_type none\n"
+FFCX = json.dumps({"table_atol": 0.3, "table_rtol": 0.3, "epsilon": 0.3})
+JIT = json.dumps({"cffi_extra_compile_args": ["-Ofast"], "timeout": 1})
 FILES = {
     ".gmshrc": GMSH, ".gmsh-options": GMSH, ".petscrc": PETSC, "petscrc": PETSC,
     "matplotlibrc": "lines.linewidth: 9\nfigure.facecolor: red\nsavefig.dpi: 33\naxes.grid: True\n",
+} | {
+    f"{folder}{program}_{name}.json": text
+    for name in ("options", "parameters")  # DOLFINx 0.6 and later, and 0.5
+    for program, place, text in (("ffcx", "ffcx", FFCX), ("dolfinx_jit", "dolfinx", JIT))
+    for folder in ("", f".config/{place}/")
 }  # fmt: skip
 
 
@@ -31,7 +38,9 @@ def accounts(tmp_path_factory):
         home = tmp_path_factory.mktemp(name)
         found[name] = home, {**os.environ, "HOME": str(home), "OPENBLAS_NUM_THREADS": "1"}
     home, environment = found["hostile"]
+    environment.pop("XDG_CONFIG_HOME", None)
     for name, text in FILES.items():
+        (home / name).parent.mkdir(parents=True, exist_ok=True)
         (home / name).write_text(text)
     environment |= {
         "MATPLOTLIBRC": str(home), "SEED": "77", "LC_ALL": "C", "PYTHONUTF8": "0",
@@ -63,7 +72,7 @@ def test_the_mesh_of_the_demo_is_the_same_in_every_account(accounts):
 
 @pytest.mark.hard
 def test_a_run_is_the_same_in_every_account(accounts):
-    """Options of gmsh, PETSc and matplotlib, seed and locale of an account change no byte."""
+    """Options of gmsh, PETSc, DOLFINx, FFCx and matplotlib, seed and locale change no byte."""
     words = ["run", str(SCENES / "squealing_block.toml"), "-o", "out"]
     for text in ("samples.n=2", "countermeasures=[]", "contact.block_plate.friction=0.55"):
         words += ["--set", text]
@@ -100,6 +109,23 @@ def test_options_of_petsc_are_those_of_the_command_line(accounts):
     lazy = "import brake_fenicsx.compat\n" + code.partition("\n")[2].partition("\n")[2]
     lazy = lazy.replace("o.getString('wanted')", "o.hasName('wanted')")
     assert called(accounts["hostile"], sys.executable, "-c", lazy).stdout == "False False\n"
+
+
+def test_forms_are_compiled_as_the_program_says(accounts):
+    """Option files of DOLFINx and FFCx: neither of the account nor of the working directory."""
+    code = (
+        "import json\nimport {0}dolfinx.jit as jit, ffcx\n"
+        "get = lambda m: getattr(m, 'get_options', None) or m.get_parameters\n"
+        "print(json.dumps([get(jit)(), get(ffcx)()], default=str))"
+    )
+    found = {}
+    for name in ("", "brake_fenicsx.compat, "):
+        done = called(accounts["hostile"], sys.executable, "-c", code.format(name))
+        found[name] = json.loads(done.stdout)
+    (read, table), (own, own_table) = found.values()
+    assert read["cffi_extra_compile_args"] == ["-Ofast"] and table["table_atol"] == 0.3
+    assert own["cffi_extra_compile_args"] != ["-Ofast"] and own["timeout"] == 120
+    assert own_table["table_atol"] == 1e-9 and own_table["epsilon"] == 1e-14
 
 
 def test_kernels_are_those_that_run():

@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from brake_fenicsx.correlation.measured import read_sets
 from brake_fenicsx.errors import SceneError, SurfaceError
+from brake_fenicsx.extras.decks.matrix_files import read_matrix
+from brake_fenicsx.extras.measured.measured import read_sets
+from brake_fenicsx.extras.variants.comparison import _shapes as shapes_of
 from brake_fenicsx.folder import arrays
 from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.macro.matrix_files import read_matrix
-from brake_fenicsx.macro.meshing.gmsh_mesh import gmsh_session
-from brake_fenicsx.macro.meshing.meshfile import read_mesh_file
+from brake_fenicsx.meshing.gmsh_mesh import gmsh_session
+from brake_fenicsx.meshing.meshfile import read_mesh_file
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.scene.samples import Distribution, complete
 from brake_fenicsx.surface import read_topography
-from brake_fenicsx.variants.comparison import _shapes as shapes_of
 
 PACKAGE = Path(arrays.__file__).parents[1]
 HUGE = 2**40

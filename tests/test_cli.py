@@ -20,11 +20,11 @@ from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import Progress, logger, start_log
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import Terminated
+from brake_fenicsx.samples.ensemble import run_ensemble
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.units import several
 from brake_fenicsx.stages import Run
 from brake_fenicsx.surface import read_topography
-from brake_fenicsx.uncertainty.ensemble import run_ensemble
 
 BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
 SURFACE = ["--set", "stages=['surface']", "--set", "surface.statistics={ S_q = '3 um' }"]
@@ -284,7 +284,7 @@ def test_termination_is_none_of_the_errors_that_samples_survive():
 
 def test_gmsh_never_asks():
     """Its question about many elements would wait on the terminal for ever."""
-    from brake_fenicsx.macro.meshing.gmsh_mesh import gmsh_session
+    from brake_fenicsx.meshing.gmsh_mesh import gmsh_session
 
     with gmsh_session() as gmsh:
         assert gmsh.option.getNumber("General.ExpertMode") == 1

@@ -10,7 +10,6 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-GUIDE = DOCS / "developer_guide.md"
 
 
 @pytest.fixture
@@ -65,21 +64,6 @@ def test_tests_that_pages_name_are_there():
         for file, name in re.findall(r"`?(tests/[\w/]+\.py)(?:::(\w+))?", page.read_text()):
             text = (ROOT / file).read_text()
             assert not name or f"def {name}(" in text, (page.name, file, name)
-
-
-def test_every_picture_of_a_page_has_its_command():
-    """Scripts and scenes of the table are there, and figures have names that the report writes."""
-    rows = re.findall(r"^\| (`[a-z_]+\.png`.*) \| (.*) \| (.*)\|$", GUIDE.read_text(), re.M)
-    named = {name for row in rows for name in re.findall(r"`([a-z_]+\.png)`", row[0])}
-    assert named == {path.name for path in DOCS.glob("*.png")}
-    drawn = "".join(path.read_text() for path in (ROOT / "brake_fenicsx/report").glob("*.py"))
-    for _, command, source in rows:
-        paths = re.findall(r"scripts/[\w/]+\.\w+|\(\w+\.md\)", command)
-        assert paths
-        for path in paths:
-            assert (ROOT / path if path[0] != "(" else DOCS / path.strip("()")).is_file(), path
-        for figure in re.findall(r"(\w+)\.png", source):
-            assert f'"{figure}"' in drawn or figure.startswith("mode_"), figure
 
 
 def test_the_example_of_an_array_of_heights_runs(capsys):

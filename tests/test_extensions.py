@@ -13,9 +13,10 @@ from brake_fenicsx import assemble, prepare, sample
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.geometry.part import PartEntities, faces_where, flat_at
-from brake_fenicsx.macro import build_mesh, equilibrium
+from brake_fenicsx.macro import equilibrium
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
+from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import Reduced, complex_modes
 

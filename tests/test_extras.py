@@ -22,8 +22,8 @@ def fails(*_, **__):
 
 # What is replaced, and how the page names what is lost.
 BROKEN = {
-    "drivers": ("brake_fenicsx.uncertainty.drivers.Drivers.of", "drivers left out"),
-    "limit cycles": ("brake_fenicsx.uncertainty.cycles.Cycles.of", "limit cycles left out"),
+    "drivers": ("brake_fenicsx.samples.drivers.Drivers.of", "drivers left out"),
+    "limit cycles": ("brake_fenicsx.extras.limit_cycle.cycles.Cycles.of", "limit cycles left out"),
     "displacements": (
         "brake_fenicsx.stability.substructures.model.ReducedModel.displacements_of_samples",
         "shapes of modes left out",
@@ -61,7 +61,7 @@ def test_an_extra_that_fails_costs_itself(broken, whole, tmp_path, monkeypatch):
 
 def test_a_verified_sample_that_fails_is_counted(whole, tmp_path, monkeypatch):
     """Full order fails: all samples stand, and the summary says that none was compared."""
-    monkeypatch.setattr("brake_fenicsx.uncertainty.solve.full_modes", fails)
+    monkeypatch.setattr("brake_fenicsx.samples.solve.full_modes", fails)
     out = tmp_path / "out"
     found = run(BLOCK, MPI.COMM_SELF, out, [*WHOLE, "limit_cycle={}"])
     assert (

@@ -15,15 +15,15 @@ ORDER = (
     "scene",
     "surface",
     "micro",
+    "meshing",
     "macro",
     "stability",
-    "limit_cycle",
-    "uncertainty",
+    "build",
+    "samples",
     "results",
     "sweeps",
     "report",
-    "correlation",
-    "variants",
+    "extras",
 )
 # eigensolvers lie below full order and the reduced model, which do not know each other.
 BELOW = {

@@ -1,16 +1,21 @@
 """A law of contact from a table of measured gaps and pressures."""
 
+import json
 import re
 from pathlib import Path
+
+from mpi4py import MPI
 
 import numpy as np
 import pytest
 
 from brake_fenicsx import prepare
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.pipeline import run
+from brake_fenicsx.results.tables import read_columns
+from brake_fenicsx.samples.sampling import one_law
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import result_digest
-from brake_fenicsx.uncertainty.sampling import one_law
 
 BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
 P0, U0 = 10.0, 10.0  # MPa and um
@@ -52,6 +57,28 @@ def test_modes_under_a_table(tmp_path):
     before = result_digest(read_scene(scene))
     written(tmp_path, exponential(81))
     assert result_digest(read_scene(scene)) != before
+
+
+def test_pressures_above_a_table_are_warned_of(tmp_path):
+    """The share of the force on elements above the last row is that of contact.csv."""
+    own = ['stages=["equilibrium","stability"]', "stability.band=['0 Hz','20 kHz']"]
+    own += ["parts.block.size='14 mm'", "parts.plate.size='20 mm'"]
+    rows = exponential()
+    for name, top in (("whole", 20.0), ("short", 0.5)):
+        kept = [rows[0], *(r for r in rows[1:] if float(r.partition(",")[2]) <= top)]
+        run(written(tmp_path, kept), MPI.COMM_SELF, tmp_path / name, own)
+        found = read_columns(tmp_path / name / "contact.csv")
+        highest = 1e6 * max(float(r.partition(",")[2]) for r in kept[1:])
+        force, above = found["p"] * found["area"], found["p"] > highest
+        share = force[above].sum() / force.sum()
+        facts = json.loads((tmp_path / name / "summary.json").read_text())
+        said = [w for w in facts["warnings"] if "highest pressure of their laws" in w]
+        if name == "whole":
+            assert share == 0 and not said
+        else:
+            stated = facts["samples"]["multi-scale"]["force_share_beyond_laws"]
+            assert 0.1 < share < 1 and stated == pytest.approx(share, rel=1e-9)
+            assert f"{100 * share:.2g} % of the normal force" in said[0]
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,13 @@
-"""Every picture of README and docs is in the table of pictures, and is made by its command."""
+"""Every picture of README and docs is in docs/pictures.toml, and is made by its command there."""
 
+import base64
 import os
 import re
 import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +15,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-GUIDE = (DOCS / "developer_guide.md").read_text()
-ROWS = re.findall(r"^\| (`[a-z_]+\.png`.*) \| (.*) \| (.*)\|$", GUIDE, re.M)
-MADE = {name: row for row in ROWS for name in re.findall(r"`([a-z_]+\.png)`", row[0])}
+MADE = tomllib.loads((DOCS / "pictures.toml").read_text())
 # Words that make a command short: its picture has fewer points then.
 SHORT = {
     "squeal_map.png": [
@@ -49,13 +49,27 @@ def test_every_picture_is_in_the_table_and_has_its_command_beside_it():
 
 
 def commands_of(name):
-    """Words of each command of a row, as one types them; those of a page that the row names."""
-    _, cell, _ = MADE[name]
-    text = [code for code in re.findall(r"`([^`]+)`", cell) if code.startswith(("scr", "brake"))]
-    for page in re.findall(r"\((\w+\.md)\)", cell):
-        block = re.search(r"```sh\n(.*?)```", (DOCS / page).read_text(), re.S)[1]
-        text += block.replace("\\\n", "").splitlines()
+    """Words of each command of a picture, as one types them; those of a page that it names."""
+    text = []
+    for line in MADE[name]["run"]:
+        if line.endswith(".md"):
+            block = re.search(r"```sh\n(.*?)```", (DOCS / line).read_text(), re.S)[1]
+            text += block.replace("\\\n", "").splitlines()
+        else:
+            text.append(line)
     return [shlex.split(line) for line in text]
+
+
+def test_commands_and_places_of_pictures_are_there():
+    """Scripts and scenes exist, and figures have names that the report writes."""
+    written = "".join(p.read_text() for p in (ROOT / "brake_fenicsx" / "report").glob("*.py"))
+    for name, row in MADE.items():
+        assert row.keys() <= {"run", "from"} and row["run"], name
+        for words in commands_of(name):
+            assert words[0] == "brake-fenicsx" or (ROOT / words[0]).is_file(), words
+            assert all((ROOT / w).exists() for w in words if w.startswith("scripts/")), words
+        figure = re.search(r"figures/(\w+)\.png$", row.get("from", ""))
+        assert not figure or f'"{figure[1]}"' in written, name
 
 
 def run(words, folder):
@@ -95,12 +109,11 @@ def test_its_command_makes_the_picture(name, tmp_path):
     *first, last = commands_of(name)
     for words in [*first, last + SHORT.get(name, [])]:
         run(words, tmp_path)
-    row = MADE[name]
-    sources = re.findall(r"([\w/-]+\.png)", row[2])
-    place = re.findall(r"`([a-z_]+\.png)`", row[0]).index(name)
-    made = tmp_path / "docs" / name
-    if sources:
-        made = tmp_path / Path(sources[0]).parent / Path(sources[place]).name
+    made = tmp_path / MADE[name].get("from", f"docs/{name}")
+    if made.suffix == ".html":
+        shown = re.search(r"data:image/png;base64,([\w+/=]+)", made.read_text())[1]
+        made = tmp_path / name
+        made.write_bytes(base64.b64decode(shown))
     (width, height), colours, full = drawn(made)
     (w, h), _, before = drawn(DOCS / name)
     assert width >= 800 and height / width == pytest.approx(h / w, rel=SHAPE)

@@ -110,7 +110,7 @@ def test_reduced_sample_agrees_with_full_order(brake):
 
 def test_contact_carries_the_piston_force(brake):
     """5 bar on the piston circle comes back as contact pressure, half of it on either pad."""
-    from brake_fenicsx.macro.brake import assemble_brake
+    from brake_fenicsx.build.brake import assemble_brake
     from brake_fenicsx.scene import read_scene
 
     scene = read_scene(SCENES / "disc_brake_demo.toml", COARSE)
@@ -145,7 +145,7 @@ def test_tables_name_every_sample(brake):
     ],
 )
 def test_shim_is_built_only_if_named(change, layers, tmp_path):
-    from brake_fenicsx.macro.brake import assemble_brake
+    from brake_fenicsx.build.brake import assemble_brake
     from brake_fenicsx.scene import read_scene
 
     scene = read_scene(SCENES / "disc_brake_demo.toml", [*COARSE, change])
@@ -153,7 +153,7 @@ def test_shim_is_built_only_if_named(change, layers, tmp_path):
 
 
 def test_one_pad_only_if_one_side_is_named():
-    from brake_fenicsx.macro.brake import assemble_brake
+    from brake_fenicsx.build.brake import assemble_brake
     from brake_fenicsx.scene import read_scene
 
     scene = read_scene(SCENES / "disc_brake_demo.toml", [*COARSE, "parts.pad.side=top"])
@@ -161,8 +161,8 @@ def test_one_pad_only_if_one_side_is_named():
 
 
 def test_no_ears_if_none_are_named():
+    from brake_fenicsx.build.brake import check_brake
     from brake_fenicsx.errors import SceneError
-    from brake_fenicsx.macro.brake import check_brake
     from brake_fenicsx.scene import read_scene
 
     scene = read_scene(SCENES / "disc_brake_demo.toml", ["parts.pad.ear_length=0"])
@@ -176,7 +176,7 @@ def test_no_ears_if_none_are_named():
         ("['equilibrium']", ["slepc4py", "SurfaceTopography", "matplotlib", "pyvista"]),
         (
             "['equilibrium','stability']",
-            ["SurfaceTopography", "matplotlib", "pyvista", "brake_fenicsx.limit_cycle"],
+            ["SurfaceTopography", "matplotlib", "pyvista", "brake_fenicsx.extras.limit_cycle"],
         ),
         ("['surface']", ["dolfinx", "petsc4py", "slepc4py", "gmsh", "matplotlib", "pyvista"]),
     ],
@@ -256,7 +256,7 @@ def test_two_processes_give_the_modes_of_one(processes, tmp_path):
 def test_failing_sample_is_kept_and_stops_nothing(tmp_path, monkeypatch):
     """One sample that cannot converge must not take the others with it."""
     from brake_fenicsx.errors import NotConverged
-    from brake_fenicsx.uncertainty import equilibria
+    from brake_fenicsx.samples import equilibria
 
     solve = equilibria.equilibrium
     calls = iter(range(100))
@@ -282,7 +282,7 @@ def test_failing_sample_is_kept_and_stops_nothing(tmp_path, monkeypatch):
 def test_failed_samples_have_seed_and_inputs(tmp_path, monkeypatch):
     """Where in the space of the inputs samples fail: seed, friction and random inputs of each."""
     from brake_fenicsx.errors import NotConverged
-    from brake_fenicsx.uncertainty.study import Study
+    from brake_fenicsx.samples.study import Study
 
     more = [
         *MANY, "samples.n=4", "samples.approaches=['joint']",
@@ -323,7 +323,7 @@ def test_a_run_of_failed_samples_alone_is_an_error(tmp_path, monkeypatch, capsys
     """With status 0 a script would take the empty tables for a brake without squeal."""
     from brake_fenicsx.cli import main
     from brake_fenicsx.errors import NotConverged
-    from brake_fenicsx.uncertainty import equilibria
+    from brake_fenicsx.samples import equilibria
 
     def never(*args, **kwargs):
         raise NotConverged("made to fail")
@@ -340,7 +340,7 @@ def test_a_run_of_failed_samples_alone_is_an_error(tmp_path, monkeypatch, capsys
 def test_the_ramp_is_gone_through_where_the_full_load_does_not_converge(tmp_path, monkeypatch):
     """The scene's two load steps, only for the sample that needs them, with the same result."""
     from brake_fenicsx.errors import NotConverged
-    from brake_fenicsx.uncertainty import equilibria
+    from brake_fenicsx.samples import equilibria
 
     solve, steps = equilibria.equilibrium, []
 

@@ -18,7 +18,7 @@ from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.results.stored import Results
-from brake_fenicsx.uncertainty.ensemble import run_ensemble
+from brake_fenicsx.samples.ensemble import run_ensemble
 
 TASKS = [("parametric", k) for k in range(10)]
 

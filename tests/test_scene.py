@@ -144,6 +144,8 @@ MISTAKES = [
     ("materials.iron.rho='7800 Kg/m^3'", "unknown unit 'Kg'", "did you mean 'kg'?"),
     ("materials.iron.E='125 bananas'", "unknown unit 'bananas'", "write pressure or modulus"),
     ("materials.iron.E=stiff", "not a quantity", "pressure or modulus"),
+    ("materials.iron.E=GPa", "not a quantity", "pressure or modulus"),
+    ("materials.iron.rho=kg/m^3", "not a quantity", "density"),
     ("stability.threshold=-0.01", "zero or more", "damping below -0.01"),
     ("stability.damping.modal={ ratio=0.02 }", "'ratio' is no part", "PART one of block, plate"),
     ("micro={ hardness='1 Pa' }", "micro.hardness = 1 Pa", "correct the unit"),
@@ -283,7 +285,7 @@ SPEEDS = [("direction=[0, 2, 0]", 1.0), ("axis='z'", 1.0), ("axis='z', speed='60
 @pytest.mark.parametrize(("motion", "speed"), SPEEDS)
 def test_speed_that_is_not_given(motion, speed):
     """One metre a second along a direction, one radian a second about the axis."""
-    from brake_fenicsx.macro.brake import scene_motion
+    from brake_fenicsx.build.interfaces import scene_motion
     from brake_fenicsx.scene.scalars import si_unit
 
     scene = read_scene(BLOCK, [f"motion={{ {motion} }}"])

@@ -140,6 +140,26 @@ def test_a_thousand_damaged_scenes_are_read_or_refused(tmp_path):
     assert 700 < refused < 990
 
 
+def test_long_values_are_shown_short(tmp_path):
+    """Every list a hundred times as long, and every text: a refusal stays a line of a screen."""
+    refused = 0
+    for *above, last in places(RICH):
+        table = json.loads(json.dumps(RICH))
+        holder = table
+        for step in above:
+            holder = holder[step]
+        if not isinstance(holder[last], list | str):
+            continue
+        holder[last] = 100 * holder[last]
+        dump(table, path := tmp_path / "scene.toml")
+        try:
+            read_scene(path)
+        except SceneError as error:
+            assert len(str(error)) < 600 and "\n" not in str(error), (above, last, str(error))
+            refused += 1
+    assert refused > 60
+
+
 COARSE = {"parts": {"block": {"size": "20 mm"}, "plate": {"size": "20 mm"}}}
 
 

@@ -11,21 +11,22 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.inventory import brake_doubts
+from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.checks import surface_warnings, warnings, with_patch, with_pixels
 from brake_fenicsx.description import describe
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.brake import assemble_brake
-from brake_fenicsx.macro.inventory import brake_doubts
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.report.html import render_page
 from brake_fenicsx.results.run import read_run
+from brake_fenicsx.samples.sampling import draw_sample
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import laws_key
 from brake_fenicsx.scene.friction import friction_texts, listed
 from brake_fenicsx.scene.plausible import unusual
-from brake_fenicsx.surface.of_scene import read_surface
-from brake_fenicsx.uncertainty.sampling import draw_sample
+from contact_alone import at_contact
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"
@@ -263,16 +264,16 @@ def test_laws_of_another_mesh_are_others():
 def test_perfect_contact_has_the_friction_of_the_scene_unless_its_own_is_written(changes, mu):
     scene = read_scene(BLOCK, [*ROUGH, SMALL % "1 mm", *changes])
     contact = SimpleNamespace(interface=np.zeros(3, dtype=int), speed=np.ones(3))
-    sample = draw_sample(scene, "classical", 0, contact, None, None)
-    np.testing.assert_array_equal(sample.mu, mu)
+    sample = draw_sample(scene, "classical", 0, at_contact(contact), None, None)
+    np.testing.assert_array_equal(sample.friction.mu, mu)
     assert friction_texts(scene) == {"multi-scale": "0.1", "classical": f"{mu:g}"}
 
 
 def test_friction_that_depends_on_the_speed_is_inherited_too():
     scene = read_scene(BLOCK, [*ROUGH, SMALL % "1 mm", FALLING])
     contact = SimpleNamespace(interface=np.zeros(2, dtype=int), speed=np.array([0.0, 1e3]))
-    sample = draw_sample(scene, "classical", 0, contact, None, None)
-    np.testing.assert_allclose(sample.mu, [0.6, 0.4])
+    sample = draw_sample(scene, "classical", 0, at_contact(contact), None, None)
+    np.testing.assert_allclose(sample.friction.mu, [0.6, 0.4])
     assert friction_texts(scene)["classical"] == "0.6 to 0.4"
 
 

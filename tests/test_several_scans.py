@@ -9,6 +9,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.pipeline import run
@@ -20,7 +21,6 @@ from brake_fenicsx.results.tables import read_columns, read_rows
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import laws_key, result_digest
 from brake_fenicsx.surface import given_statistics, read_topography, synthesise
-from brake_fenicsx.surface.of_scene import read_surface
 
 PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
 SCANS = os.environ.get("BRAKE_FENICSX_SCANS")

@@ -22,6 +22,7 @@ from typing import IO, Any
 import numpy as np
 
 from brake_fenicsx.errors import BrakeError, SceneError
+from brake_fenicsx.folder.log import short_line
 from brake_fenicsx.folder.memory import mapped_files
 
 Arrays = dict[str, np.ndarray[Any, Any]]
@@ -78,8 +79,7 @@ def why(error: BaseException) -> str:
         return "it needs more memory than there is"
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
-    text = " ".join(str(error).split())
-    text = text if len(text) <= 160 else f"{text[:157]}..."
+    text = short_line(str(error))
     plain = isinstance(error, ValueError | OSError) and text
     return text if plain else f"{type(error).__name__}{text and ': '}{text}"
 

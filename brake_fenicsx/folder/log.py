@@ -11,6 +11,12 @@ from typing import Any
 logger = logging.getLogger("brake_fenicsx")
 
 
+def short_line(text: str) -> str:
+    """What another package says, in one line of at most 160 characters."""
+    line = " ".join(text.split())
+    return line if len(line) <= 160 else f"{line[:157]}..."
+
+
 def start_log(rank: int, file: Path | None = None, level: str | None = None) -> None:
     """Send the package's log to the terminal and to a file on rank 0, and nowhere on the others.
 
@@ -28,6 +34,7 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
     if not root.handlers:
         warnings = logging.StreamHandler(sys.stderr)
         warnings.setLevel(logging.WARNING)
+        warnings.setFormatter(_OfOthers("warning: %(message)s"))
         root.addHandler(warnings)
     logger.handlers.clear()
     logger.propagate = False
@@ -47,6 +54,14 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
         # What was said before there was a file.
         for record in before.said if before else ():
             handler.handle(record)
+
+
+class _OfOthers(logging.Formatter):
+    """One short line of a record of another package: readers log whole files that they miss."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """A line."""
+        return short_line(super().format(record))
 
 
 class _Lines(logging.Formatter):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 from mpi4py import MPI
 
@@ -20,15 +20,12 @@ from .equilibrium import Equilibrium, displacement, raised_friction
 from .equilibrium import equilibrium as solve
 from .gap import EnrichedGap
 
-if TYPE_CHECKING:
-    from .brake import Brake
-
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
 def equilibrium(
-    ops: Brake,
+    ops: Any,
     laws: Law | Laws | Sequence[Law],
     g_cr: ArrayLike,
     mu: float | Array,
@@ -39,8 +36,9 @@ def equilibrium(
     """Equilibrium of one set of laws and critical gaps, with its displacement.
 
     Args:
-        ops: operators of a brake, see ``pipeline.assemble``; its compliance is computed if it has
-            none, and kept by the caller's ``with_compliance`` for many equilibria.
+        ops: operators of a brake, see ``pipeline.assemble``: a frozen record with ``K``, ``N``,
+            ``T``, ``w``, ``g0``, ``f``, ``pressed`` and ``compliance``; its compliance is computed
+            if it has none, and kept by the caller's ``with_compliance`` for many equilibria.
         laws: one law for all elements, one per element, or a library.
         g_cr: critical gap of each element, or of all [m].
         mu: friction coefficient, one or one per element; 0 for an equilibrium without friction.
@@ -77,7 +75,7 @@ def equilibrium(
     return replace(eq, u=displacement(ops, eq, ops.f))
 
 
-def with_compliance(ops: Brake, laws: EnrichedGap, comm: MPI.Comm | None = None) -> Brake:
+def with_compliance(ops: Any, laws: EnrichedGap, comm: MPI.Comm | None = None) -> Any:
     """The brake with its interface compliance, for springs as stiff as the laws under its loads.
 
     Args:

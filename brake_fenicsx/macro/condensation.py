@@ -7,7 +7,7 @@ are shared by the processes of a communicator, each of which holds the factor.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from mpi4py import MPI
@@ -60,6 +60,27 @@ class Compliance:
         if self.factor is None:
             raise ValueError("a compliance without a factor")
         return self.factor.solve(b)
+
+
+@dataclass(frozen=True, slots=True)
+class UnitLoads:
+    """The bodies seen from the contact elements under multiples of some loads.
+
+    Attributes:
+        bodies: under other loads.
+        gaps: N K0^-1 of each load [m], shape (elements, loads), or (all, loads) with free
+            coordinates.
+        carried: forces that each presses the faces together with [N], as ``Compliance.carried``.
+    """
+
+    bodies: Compliance
+    gaps: Array
+    carried: Array | None = None
+
+    def times(self, sizes: Array) -> Compliance:
+        """The bodies under the loads times some sizes, shape (loads,)."""
+        carried = None if self.carried is None else float(self.carried @ sizes)
+        return replace(self.bodies, Nf=self.gaps @ sizes, carried=carried)
 
 
 def reference_factor(K: sp.csr_matrix, N: sp.csr_matrix, w: Array, k0: Array) -> Factor:

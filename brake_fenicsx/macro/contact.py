@@ -10,15 +10,12 @@ exactly. A facet that the other face covers in part keeps one element.
 share of the area around the node. It does not pass a uniform pressure exactly.
 
 n points from disc to pad, a positive gap is open, and slip is pad minus disc.
-
-Zones of a face: interfaces restricted to contact elements whose centres lie in some ranges.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
-from itertools import combinations
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from mpi4py import MPI
@@ -28,20 +25,16 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.contact import Zone
-from brake_fenicsx.scene.units import quantity_text
+from brake_fenicsx.meshing.brake_mesh import Mesh
 
 from .elasticity import FreeDofs
 from .faces import gather_face
 from .friction import Motion, slip_frame, tangent_frame
 from .integrals import Integrals, facet_integrals
-from .mesh import Mesh
 from .node_to_surface import node_integrals
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-TURN = 2 * np.pi
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,106 +159,3 @@ def _operator(size: tuple[int, int], row: Index, columns: Index, values: Array) 
     held = columns < 0
     rows = np.repeat(row, columns.shape[1]).reshape(columns.shape)
     return sp.csr_matrix((values[~held], (rows[~held], columns[~held])), shape=size)
-
-
-def in_zone(zone: Zone, points: Array) -> NDArray[np.bool_]:
-    """Which points lie in a zone.
-
-    Args:
-        zone: ranges [low, high) of some coordinates.
-        points: positions [m], shape (n, 3).
-    """
-    inside = np.ones(len(points), dtype=bool)
-    for name, (low, high) in _ranges(zone).items():
-        away = _coordinate(name, points) - low
-        if name == "angle":
-            away = away % TURN
-            # Just below zero the remainder rounds to a whole turn.
-            away[away >= TURN] = 0.0
-        inside &= (away >= 0) & (away < high - low)
-    return inside
-
-
-def zone_of(contact: Contact, zone: Zone, where: str) -> Contact:
-    """The elements of an interface in a zone.
-
-    Args:
-        contact: all elements of its faces.
-        zone: ranges of their centres.
-        where: what names the interface in a message.
-
-    Raises:
-        SceneError: there is none.
-    """
-    kept = in_zone(zone, contact.points)
-    if not kept.any():
-        there = []
-        for name in _ranges(zone):
-            x, unit = _coordinate(name, contact.points), _unit(name)
-            low, high = (quantity_text(float(v), unit) for v in (x.min(), x.max()))
-            there.append(f"{name} {low} to {high}")
-        raise SceneError(
-            f"{where}.zone: contains no centre of a contact element; they lie at"
-            f" {', '.join(there)}; widen the zone, or refine the mesh"
-        )
-    return restricted(contact, kept)
-
-
-def check_apart(scene: Scene, found: Mapping[str, Contact]) -> None:
-    """Refuse interfaces on the same faces that share contact elements.
-
-    Args:
-        scene: the scene.
-        found: contact elements of each interface.
-
-    Raises:
-        SceneError: the names of both, and how many elements they share.
-    """
-    tables = scene.contact
-    for one, two in combinations(tables, 2):
-        if {*tables[one].faces} != {*tables[two].faces}:
-            continue
-        zone = tables[two].zone
-        points = found[one].points
-        shared = points.shape[0] if zone is None else int(in_zone(zone, points).sum())
-        if shared:
-            raise SceneError(
-                f"{scene.file}: contact.{one}.zone, contact.{two}.zone: {shared} contact elements"
-                f" of {tables[one].faces[0]!r} and {tables[one].faces[1]!r} belong to both; write"
-                " zones that have no centre of an element in common"
-            )
-
-
-def uncovered(scene: Scene, found: Mapping[str, Contact]) -> float:
-    """Area [m^2] of the first faces of all interfaces that none of them covers.
-
-    Args:
-        scene: the scene.
-        found: contact elements of each interface.
-    """
-    free: dict[str, float] = {}
-    for name, table in scene.contact.items():
-        area, face = float(found[name].w.sum()), table.faces[0]
-        # Of one interface alone the area of the face is what it covers and what it does not.
-        free[face] = free.get(face, found[name].uncovered + area) - area
-    return sum(free.values())
-
-
-def _ranges(zone: Zone) -> dict[str, tuple[float, float]]:
-    """The ranges that a zone names."""
-    named = {f.name: getattr(zone, f.name) for f in fields(zone)}
-    return {name: (ends[0], ends[1]) for name, ends in named.items() if ends is not None}
-
-
-def _coordinate(name: str, points: Array) -> Array:
-    """A coordinate of points [m or rad]."""
-    x, y, z = points.T
-    if name == "radius":
-        return np.asarray(np.hypot(x, y))
-    if name == "angle":
-        return np.asarray(np.arctan2(y, x))
-    return {"x": x, "y": y, "z": z}[name]
-
-
-def _unit(name: str) -> str:
-    return "rad" if name == "angle" else "m"

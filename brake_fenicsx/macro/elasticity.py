@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.meshing.brake_mesh import Mesh
 
 from .material import Material
-from .mesh import Mesh
 from .solver import whole
 
 COMPONENTS = {"x": 0, "y": 1, "z": 2}

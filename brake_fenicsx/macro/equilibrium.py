@@ -21,9 +21,9 @@ from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.iteration import Steps, sizes
 
 from .condensation import Compliance
-from .friction import friction_traction
 from .gap import EnrichedGap
 from .newton import Newton, State
+from .patch_forces import patch_forces, sliding
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -294,8 +294,8 @@ class Condensed:
         stiffness, t = np.ones(rhs.size), None
         stiffness[:n] = self.w * (k - k0)
         if np.any(self.mu):
-            wf = friction_traction(self.w, self.mu)
-            rhs, t = rhs + c.NT @ (wf * a), wf * k
+            forces = patch_forces(self.w, a, k, sliding(self.mu, a))
+            rhs, t = rhs + c.NT @ forces.value[1], -forces.gap[1]
         return Jacobian(c.NN, c.NT, stiffness, t).solve(rhs)[:n]
 
     def norm(self, pressure: Array) -> float:
@@ -315,6 +315,6 @@ def displacement(ops: Any, eq: Equilibrium, f: Array) -> Array:
     Returns:
         Shape (free dofs,).
     """
-    q = eq.p + ops.compliance.k0 * (eq.g - ops.g0)
-    traction = friction_traction(eq.p, eq.mu)
-    return ops.compliance.solve(f + ops.N.T @ (ops.w * q) + ops.T.T @ (ops.w * traction))
+    normal, along, _ = patch_forces(ops.w, eq.p, eq.k, sliding(eq.mu, eq.p)).value
+    springs = ops.w * ops.compliance.k0 * (eq.g - ops.g0)
+    return ops.compliance.solve(f + ops.N.T @ (normal + springs) + ops.T.T @ along)

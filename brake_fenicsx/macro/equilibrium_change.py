@@ -23,8 +23,8 @@ from brake_fenicsx.errors import NotConverged
 
 from .condensation import Compliance
 from .equilibrium import Condensed, Equilibrium, displacement, equilibrium
-from .friction import friction_traction
 from .gap import EnrichedGap
+from .patch_forces import patch_forces, sliding
 
 Array = NDArray[np.float64]
 
@@ -128,8 +128,8 @@ def corrected_equilibrium(
         u = displacement(bodies, eq, f)
         # What the changed bodies still lack: dK (u - u_before).
         corrected = bodies.f - change @ u
-        traction = friction_traction(eq.p, mu)
-        push = bodies.N.T @ (bodies.w * eq.p) + bodies.T.T @ (bodies.w * traction)
+        normal, along, _ = patch_forces(bodies.w, eq.p, eq.k, sliding(mu, eq.p)).value
+        push = bodies.N.T @ normal + bodies.T.T @ along
         defect = float(np.linalg.norm(corrected - f) / np.linalg.norm(push))
         if defect <= tolerance:
             residual, seconds = max(eq.residual, defect), time.perf_counter() - start

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.meshing.brake_mesh import Mesh
+from brake_fenicsx.meshing.rawmesh import body_of_points
 
 from .elasticity import FreeDofs, face_tag
-from .mesh import Mesh
-from .meshing.rawmesh import body_of_points
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

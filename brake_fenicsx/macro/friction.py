@@ -1,7 +1,14 @@
-"""Sliding: direction of the disc's velocity relative to the pad, and Coulomb friction."""
+"""Sliding: direction of the disc's velocity relative to the pad, and Coulomb friction.
+
+Friction has one encoding inside: ``Friction``, for each contact element the coefficient mu at its
+sliding speed V and the slope mu'(V). With the pressure p and the contact stiffness k everything
+else follows from it (``patch_forces``): the traction mu p of the equilibrium, mu k of its tangent,
+and of small vibrations p mu'(V) along and mu p / V across the sliding direction.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +17,8 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError
 
 Array = NDArray[np.float64]
+# Slip speeds [m/s], shape (elements, ...) -> coefficients and their slopes [s/m], likewise.
+Coefficient = Callable[[Array], tuple[Array, Array]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,11 +116,63 @@ def tangent_frame(normal: Array) -> tuple[Array, Array]:
     return s, np.cross(normal, s)
 
 
-def friction_traction(p: Array, mu: float | Array) -> Array:
-    """Coulomb's traction on the pad along s, mu p [Pa].
+@dataclass(frozen=True, slots=True)
+class Friction:
+    """Friction of the contact elements, each of shape (elements,).
 
-    Args:
-        p: contact pressures [Pa], shape (elements,).
-        mu: friction coefficient, one or one per element.
+    Attributes:
+        mu: coefficient at the sliding speed; 0 where the faces stick.
+        slope: mu'(V) [s/m]; 0 where friction does not depend on the speed.
+        speed: sliding speed V [m/s].
+        braking: whether it acts in the equilibrium too, which one may solve without.
     """
-    return mu * p
+
+    mu: Array
+    slope: Array
+    speed: Array
+    braking: NDArray[np.bool_]
+
+    @property
+    def equilibrium(self) -> Array:
+        """Coefficients of the equilibrium."""
+        return self.mu * self.braking
+
+    def rates(self, p: Array, turns: bool, falls: bool) -> tuple[Array, Array]:
+        """What slip rates are multiplied by, p mu'(V) along and mu p / V across [Pa s/m].
+
+        Args:
+            p: pressures at equilibrium [Pa].
+            turns: whether friction turns with the direction of sliding; across is zero else.
+            falls: whether it changes with the speed; along is zero else.
+        """
+        along = self.slope * p if falls else np.zeros_like(p)
+        across = np.zeros_like(p)
+        if turns:
+            # Faces that stick have neither speed nor friction.
+            np.divide(self.mu * p, self.speed, out=across, where=self.speed > 0)
+        return along, across
+
+    def traction(
+        self, v: Array, coefficient: Coefficient | None = None, smooth: float = 0.0
+    ) -> tuple[Array, Array]:
+        """Coulomb's traction over the pressure when the pad slips, mu(|V - v|) (V - v) / |V - v|.
+
+        Args:
+            v: slip rates of the pad along and across the sliding direction [m/s], shape (2,
+                elements, ...).
+            coefficient: mu by the slip speed; ``mu`` at all speeds if None.
+            smooth: slip speed below which the direction is smoothed, over the sliding speed.
+
+        Returns:
+            Traction on the pad along and across, likewise, and its derivatives to v [s/m], shape
+            (2, 2, elements, ...).
+        """
+        V, mu = (a.reshape(-1, *[1] * (v.ndim - 2)) for a in (self.speed, self.mu))
+        along, across = V - v[0], v[1]
+        # Faces that stick have neither speed nor friction.
+        size = np.sqrt(along**2 + across**2 + np.where(V > 0, smooth * V, 1.0) ** 2)
+        mu, slope = (mu, 0.0) if coefficient is None else coefficient(size)
+        m, dm = mu / size, (slope - mu / size) / size**2
+        mixed = dm * along * across
+        slopes = [[-(m + dm * along**2), mixed], [mixed, -(m + dm * across**2)]]
+        return np.array([m * along, -m * across]), np.array(slopes)

@@ -65,6 +65,17 @@ class EnrichedGap:
         """Stiffness v of small vibrations about the state at g [Pa/m], and dv/dg [Pa/m^2]."""
         return self.laws.vibration(self.index, self.delta(g))
 
+    def beyond(self, p: Array, w: Array) -> float:
+        """Share of the normal force above the pressures up to which the laws are known.
+
+        Args:
+            p: pressure of each element [Pa], shape (elements,).
+            w: area of each [m^2].
+        """
+        force = w * p
+        above = p > self.laws.highest(self.index) * (1.0 + 1e-9)
+        return float(force[above].sum() / max(force.sum(), 1e-300))
+
     def first_touch(self) -> Array:
         """Gap at which each element begins to carry [m]."""
         return self.laws.first_touch(self.index) + self.g_cr

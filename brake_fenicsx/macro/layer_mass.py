@@ -15,8 +15,9 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
+from brake_fenicsx.meshing.brake_mesh import Mesh
+
 from .elasticity import FreeDofs, layer_measure, lump, mass_form, on_free_dofs
-from .mesh import Mesh
 
 
 def layer_masses(

@@ -18,10 +18,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy import special
 
-from .stretching import Power
-
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+# Number of a function of some variables, one of each.
+Power = tuple[int, ...]
 
 # Error of an entry over the largest ones of its row and column that is accepted, degrees that are
 # tried for each variable, and halves of these for several together.

@@ -24,16 +24,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
-from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.parts import length_key, morph_of, moved_planes, moved_sideways
-from brake_fenicsx.scene.tables import key_parts
+from brake_fenicsx.meshing.brake_mesh import Mesh, check_cells
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
+from brake_fenicsx.meshing.quality import determinants
+from brake_fenicsx.meshing.rawmesh import RawMesh, body_of_points, facet_nodes
 
-from .matrix_series import DEGREES, matrix_series, products
-from .mesh import Mesh, check_cells
-from .meshing.groups import mesh_of_file
-from .meshing.quality import determinants
-from .meshing.rawmesh import RawMesh, body_of_points, facet_nodes
-from .stretching import Assembly, Power
+from .matrix_series import DEGREES, Power, matrix_series, products
+from .stretching import Assembly
 
 Array = NDArray[np.float64]
 
@@ -48,55 +45,6 @@ PLANE = 5
 HALVINGS = 20
 
 
-def velocity(scene: Scene, read: RawMesh, parts: list[str], key: str) -> Array:
-    """Movement of the nodes of a mesh file per length [m/m], shape (nodes, 3).
-
-    Args:
-        scene: the scene.
-        read: the mesh of ``mesh.file``.
-        parts: names of the parts that are in it.
-        key: "parts.PART.morph.NAME".
-
-    Raises:
-        SceneError: the displaced mesh is another one, the same, or moves other parts.
-    """
-    _, part, _, name = key.split(".", 3)
-    morph, where = scene.parts[part].morph[name], f"{key}.displaced"
-    moved = mesh_of_file(scene.file.parent, scene.mesh, parts, (morph.displaced, where))
-    step = moved.points - read.points
-    others = np.ones(len(step), dtype=bool)
-    others[read.cells[read.part(part)]] = False
-    size = float(np.abs(step).max())
-    if not size > 0:
-        raise SceneError(f"{where} = {morph.displaced!r}: no node is at another place")
-    if np.abs(step[others]).max(initial=0.0) > EVEN * size:
-        raise SceneError(
-            f"{where} = {morph.displaced!r}: nodes of other parts than {part} are moved; leave"
-            " them where they are in mesh.file"
-        )
-    return np.asarray(step / (morph.ends[1] - morph.ends[0]))
-
-
-def file_mesh(scene: Scene, parts: list[str]) -> tuple[RawMesh, dict[str, Array]]:
-    """Mesh of the mesh file, its nodes where the lengths of the scene have them.
-
-    Args:
-        scene: the scene.
-        parts: names of the parts that are in it.
-
-    Returns:
-        The mesh, and the movement of its nodes under each length, "parts.PART.morph.NAME".
-    """
-    read = mesh_of_file(scene.file.parent, scene.mesh, parts)
-    points, moves = read.points.copy(), {}
-    for part in parts:
-        for name, morph in scene.parts[part].morph.items():
-            key = f"parts.{part}.morph.{name}"
-            moves[key] = velocity(scene, read, parts, key)
-            points += (morph.length - morph.ends[0]) * moves[key]
-    return replace(read, points=points), moves
-
-
 @dataclass(frozen=True, slots=True)
 class Moving:
     """Lengths that move nodes of the same layers, over ranges.
@@ -108,7 +56,7 @@ class Moving:
         folds: of each, where the first cell collapses, whatever the others [m], or so far that it
             moves no series, likewise.
         v: movement of the nodes of the mesh per length, shape (lengths, nodes, 3).
-        slides: of each length, the interfaces whose contact elements it moves along their faces.
+        slides: of each length, the keys of faces in contact that it moves along each other.
     """
 
     layers: tuple[str, ...]
@@ -194,33 +142,6 @@ class Move(NamedTuple):
     v: Array
 
 
-def movement(scene: Scene, raw: RawMesh, files: list[str], name: str) -> Array | None:
-    """Movement of all nodes per length [m/m], shape (nodes, 3); None of a layer of a mesh file.
-
-    Args:
-        scene: the scene.
-        raw: its plain mesh.
-        files: names of the parts that are in the mesh file.
-        name: the length, by its dotted key.
-    """
-    part, key = length_key(name)
-    v, planes = np.zeros_like(raw.points), moved_planes(scene.parts[part], key)
-    sideways = moved_sideways(scene.parts[part], key)
-    if planes or sideways:
-        own = np.unique(raw.cells[raw.part(part)])
-        if planes:
-            v[own, 2] = np.interp(raw.points[own, 2], *planes)
-        if sideways:
-            v[own, :2] = sideways(raw.points[own])
-        return v
-    if morph_of(scene.parts[part], key) is None:
-        return None
-    step = file_mesh(scene, files)[1][name.removesuffix(".value")]
-    # The nodes of the file come behind those of the builders.
-    v[len(v) - len(step) :] = step
-    return v
-
-
 def deformed_layers(mesh: Mesh, v: Array) -> tuple[str, ...]:
     """Layers that some movement of the nodes, shape (nodes, 3), does not only shift along z."""
     read = plain(mesh)
@@ -237,12 +158,14 @@ def plain(mesh: Mesh) -> RawMesh:
     return mesh.raw
 
 
-def moving(scene: Scene, mesh: Mesh, moves: Sequence[Move], faces: Mapping[str, str]) -> Moving:
+def moving(
+    mesh: Mesh, settings: MeshSettings, moves: Sequence[Move], faces: Mapping[str, str]
+) -> Moving:
     """Lengths that move nodes of the same layers, over ranges that the cells stand.
 
     Args:
-        scene: the scene.
-        mesh: its tagged mesh.
+        mesh: the tagged mesh.
+        settings: the quality asked for.
         moves: what each length does.
         faces: key of the scene that depends on the area or the shape of a face -> the face.
 
@@ -260,7 +183,7 @@ def moving(scene: Scene, mesh: Mesh, moves: Sequence[Move], faces: Mapping[str, 
             return "mesh: a cell collapses"
         try:
             moved = read.points + np.tensordot(p - usual, v, 1)
-            check_cells(replace(read, points=moved), scene.mesh)
+            check_cells(replace(read, points=moved), settings)
         except SceneError as error:
             return str(error).partition(": change")[0]
         return ""
@@ -314,7 +237,7 @@ def _folds(mesh: RawMesh, v: Array, usual: Array, ends: Array, i: int) -> tuple[
 
 
 def _sliding(mesh: RawMesh, v: Array, faces: Mapping[str, str]) -> frozenset[str]:
-    """Interfaces whose faces move over others; refused are other faces in use that do, or deform.
+    """Keys of faces in contact that move over others; refused are other faces that do, or deform.
 
     What lies in one plane of one body must move together: a part may lie on both sides of a disc,
     and the two sides of a disc move apart.
@@ -350,7 +273,7 @@ def _sliding(mesh: RawMesh, v: Array, faces: Mapping[str, str]) -> frozenset[str
             )
         moves = np.abs(along).max() > tolerance
         if touches and moves:
-            found.add(key_parts(key)[1])
+            found.add(key)
         if key.startswith("ties.") and moves:
             raise SceneError(
                 f"{key}: the length moves the face {face} sideways, over other facets; it may"

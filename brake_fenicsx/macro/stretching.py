@@ -21,14 +21,13 @@ from numpy.typing import NDArray
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.meshing.brake_mesh import Mesh
+from brake_fenicsx.meshing.rawmesh import body_of_points
 
 from .elasticity import face_tag, measured_area
-from .mesh import Mesh
-from .meshing.rawmesh import body_of_points
+from .matrix_series import Power
 
 Array = NDArray[np.float64]
-# Number of a function of some lengths, one of each.
-Power = tuple[int, ...]
 # Makes a matrix of the mesh as it is then, with one pattern always.
 Assembly = Callable[[], sp.csr_matrix]
 
@@ -64,7 +63,7 @@ class Stretch:
     usual: Array
 
     def applied(self, mesh: Mesh, lengths: Array) -> AbstractContextManager[None]:
-        """The mesh with layers of another thickness, and all else that is not looked at."""
+        """The mesh scaled along z so that these layers have this thickness."""
         return stretched(mesh, float(lengths[0] / self.usual[0]))
 
     def factor(self, power: Power, lengths: Array, inertia: bool) -> float:

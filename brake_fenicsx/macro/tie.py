@@ -26,12 +26,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.meshing.brake_mesh import Mesh
 
 from .elasticity import FreeDofs
 from .faces import Face, gather_face
 from .integrals import facet_areas
 from .material import Material
-from .mesh import Mesh
 from .overlap import Overlap, facing_pairs, overlap, rule
 
 Array = NDArray[np.float64]

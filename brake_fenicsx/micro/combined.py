@@ -37,6 +37,10 @@ class OneLaw:
         """See ``Laws``."""
         return smooth_vibration(self.law.vibration, same_shape(index, d)[1])
 
+    def highest(self, index: Index) -> Array:
+        """See ``Laws``."""
+        return np.full(np.shape(index), getattr(self.law, "highest", np.inf))
+
 
 @dataclass(frozen=True, slots=True)
 class ScaledLaws:
@@ -67,6 +71,10 @@ class ScaledLaws:
         v, slope = self.laws.vibration(index, d)
         return self.factor * v, self.factor * slope
 
+    def highest(self, index: Index) -> Array:
+        """See ``Laws``."""
+        return self.factor * self.laws.highest(index)
+
 
 @dataclass(frozen=True, slots=True)
 class JoinedLaws:
@@ -96,6 +104,10 @@ class JoinedLaws:
         """See ``Laws``."""
         v, slope = self._each("vibration", index, d)
         return v, slope
+
+    def highest(self, index: Index) -> Array:
+        """See ``Laws``."""
+        return self._each("highest", index)[0]
 
     def _each(self, name: str, index: Index, *d: Array) -> Array:
         """What the part of each element answers, shape (answers, *shape of index)."""

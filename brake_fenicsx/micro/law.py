@@ -76,6 +76,9 @@ class Laws(Protocol):
     def vibration(self, index: Index, d: Array) -> tuple[Array, Array]:
         """Stiffnesses v of small vibrations [Pa/m] and their slopes dv/dd [Pa/m^2]."""
 
+    def highest(self, index: Index) -> Array:
+        """Pressures [Pa] up to which the laws are known, shape of ``index``; inf for a formula."""
+
 
 @dataclass(frozen=True, slots=True)
 class LawLibrary:
@@ -175,6 +178,11 @@ class LawLibrary:
         fall = np.where((place < 0) & (share > 0.0), -v[at] * foot, fall)
         return between * share, fall
 
+    def highest(self, index: Index) -> Array:
+        """Pressures of the last steps [Pa], shape of ``index``."""
+        i = np.asarray(index, dtype=np.intp)
+        return self.p[i, self.count[i] - 1]
+
     def at_pressure(self, pressure: float | str) -> LawSteps:
         """Every law at one mean pressure.
 
@@ -244,6 +252,11 @@ class ComputedLaw:
     def first_touch(self) -> float:
         """Separation [m] at which the pressure becomes zero."""
         return float(self.library.first_touch(np.array(self.number)))
+
+    @property
+    def highest(self) -> float:
+        """Pressure [Pa] up to which the law is known."""
+        return float(self.library.highest(np.array(self.number)))
 
     @property
     def steps(self) -> LawSteps:

@@ -7,13 +7,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from brake_fenicsx.extras.limit_cycle.cycle_figures import loudness_text
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import Value, read_rows
 
-from .cycle_figures import loudness_text
 from .overview import share_text
-from .turned import can_turn
 
 SHAPES = "mode_shapes.csv"  # in figures/: what the pictures of modes show
 SHAPE_COLUMNS = (
@@ -35,7 +34,6 @@ class Card:
         still: the picture; None without one.
         moving: the animated picture; None without one.
         rank: "1" of the most severe family; empty outside the first screen.
-        scene: the shape as a scene of vtk.js, which can be turned; None without one.
     """
 
     frequency: str
@@ -44,7 +42,6 @@ class Card:
     still: Path | None = None
     moving: Path | None = None
     rank: str = ""
-    scene: Path | None = None
 
 
 class ModePictures:
@@ -94,11 +91,6 @@ class ModePictures:
             return str(row["rotor"]), "mixed", f"mixed; strongest: {said} {percent}"
         return str(row["rotor"]), f"{number}, {row['direction']}", f"{said} {percent}"
 
-    def scene(self, key: str) -> Path | None:
-        """The shape that can be turned, of the most severe family of an approach."""
-        path = self.paths[key].with_suffix(".vtksz") if key in self.paths else None
-        return path if path is not None and path.is_file() and can_turn() else None
-
     def moving(self, key: str) -> Path | None:
         """The animated picture of a key, where there is one."""
         path = self.paths.get(key)
@@ -126,7 +118,7 @@ def family_card(run: RunData, family: Family, pictures: ModePictures, rank: int 
         facts.append((pattern[0], pattern[2]))
     return Card(
         f"{family.kilohertz} kHz", facts, key, pictures.paths.get(key),
-        pictures.moving(key), str(rank) if rank else "", pictures.scene(key) if rank == 1 else None,
+        pictures.moving(key), str(rank) if rank else "",
     )  # fmt: skip
 
 

@@ -25,7 +25,7 @@ from brake_fenicsx.scene.in_effect import in_effect
 from .mode_cards import SHAPE_COLUMNS, SHAPES
 
 if TYPE_CHECKING:
-    from brake_fenicsx.uncertainty.study import Study
+    from brake_fenicsx.samples.study import Study
 
 RIM = 0.9  # nodes beyond this share of the largest radius make the rim
 WIDEST = np.pi / 6  # gap between neighbouring angles [rad] beyond which there is no ring
@@ -103,7 +103,7 @@ def write_mode_fields(
     Returns:
         What failed and is left out, or is less exact than a picture asks, a line each.
     """
-    from brake_fenicsx.uncertainty.solve import displacements
+    from brake_fenicsx.samples.solve import displacements
 
     store, comm = study.store, study.comm
     if comm.rank == 0:
@@ -127,7 +127,7 @@ def write_mode_fields(
     for mode in (mode for chosen in drawn for mode in chosen):
         task = mode.approach, mode.sample
         stored = study.stored(task)
-        modes.append((mode.approach, study._draw(*task), stored, np.array([mode.mode])))
+        modes.append((study.sample(task), stored, np.array([mode.mode])))
     found, missing = spared("shapes of modes", lambda: displacements(study.models, modes, comm, 1))
     written()
     lost = comm.bcast(lost, root=0) + missing
@@ -192,7 +192,7 @@ def _write_equilibria(
 def _write_equilibrium(
     study: Study, name: str, u: NDArray, data: Mapping[str, Any], faces: dict[str, NDArray]
 ) -> None:
-    from brake_fenicsx.uncertainty.forces import contact_of
+    from brake_fenicsx.samples.forces import contact_of
 
     from .fields import facet_means, write_facets, write_fields, write_points
 
@@ -250,7 +250,6 @@ def _write_modes(
     from brake_fenicsx.report.animation import animate_mode
     from brake_fenicsx.report.render import render_mode
     from brake_fenicsx.report.style import label
-    from brake_fenicsx.report.turned import can_turn, write_scene
 
     from .fields import write_fields, write_phases
 
@@ -271,8 +270,6 @@ def _write_modes(
         if pictures:
             render_mode(store.path("figures", f"{picture}.png"), V, shape, title)
             animate_mode(store.path("figures", f"{picture}.webp"), V, shape)
-            if i == 0 and can_turn():
-                write_scene(store.path("figures", f"{picture}.vtksz"), V, shape)
         row: list[Value] = [
             name, mode.family.number, mode.sample, mode.mode, mode.frequency, mode.damping,
             picture, *_nodal_cells(rotors, V, shape),

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from brake_fenicsx.extras.limit_cycle.cycle_figures import draw_growth, draw_loudness
 from brake_fenicsx.results.run import RunData
 
 from .contact_figures import draw_contact_pressure
 from .critical_figures import draw_chart, draw_critical, draw_worst
-from .cycle_figures import draw_growth, draw_loudness
 from .driver_figures import draw_driver_maps, draw_drivers
 from .error_figures import draw_errors
 from .micro_figures import draw_contact_maps, draw_laws, laws_caption

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from brake_fenicsx.extras.limit_cycle.cycle_figures import cycle_blocks
 from brake_fenicsx.results.answer import approach_rows
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import Value
 
 from .blocks import Block, Section, Special, Table, Text
-from .cycle_figures import cycle_blocks
 from .figure_blocks import figures
 from .forces_section import forces_blocks
 from .mode_cards import Card, ModePictures, family_card, family_table_cells, often_text, other_cards

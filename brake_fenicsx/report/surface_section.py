@@ -40,6 +40,13 @@ STATISTICS = (
     ("S_dr", "S_dr, developed interfacial area ratio", "%", 100.0),
     ("S_al", "S_al, autocorrelation length (decay to 0.2)", "µm", 1e6),
     ("S_tr", "S_tr, texture aspect ratio (decay to 0.2)", "-", 1.0),
+    (
+        "S_tr_open",
+        "directions without a decay to 0.2 within half of the scan: above 0 % S_tr is an"
+        " upper bound",
+        "%",
+        100.0,
+    ),
     ("c1", "c1, slope of the power spectrum below q_c", "-", 1.0),
     ("c2", "c2, slope of the power spectrum above q_c", "-", 1.0),
     ("q_c", "q_c, wave number of the crossover", "rad/mm", 1e-3),

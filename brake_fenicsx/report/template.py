@@ -14,8 +14,6 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.results.tables import Value, show
 
-from .turned import viewer
-
 WIDEST = 1440  # pixels of a picture inside a page
 SMALL = 150_000  # bytes up to which a PNG is stored as it is
 SHORT = 28  # characters that are not broken into lines
@@ -31,8 +29,6 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     found.filters |= {"show": show, "cell": _cell, "picture": picture, "raw": _uri}
-    found.filters["base64"] = _base64
-    found.globals["viewer"] = lambda: _base64(viewer())
     return found
 
 

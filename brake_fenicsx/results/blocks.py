@@ -21,8 +21,8 @@ from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import FOLDER, Arrays, Task
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.uncertainty.forces import forces_of_sample
-from brake_fenicsx.uncertainty.study import Study
+from brake_fenicsx.samples.forces import forces_of_sample
+from brake_fenicsx.samples.study import Study
 
 from .families import ModeFamilies
 from .squeal import squeals

@@ -27,6 +27,7 @@ class Counts:
     tolerance_missed: int = 0
     not_complete: int = 0
     largest_error: float = 0.0
+    beyond_laws: float = 0.0
     rejected: int | None = None
     counted_by: str | None = None
     forces: list[Array] = field(default_factory=list)
@@ -44,6 +45,8 @@ class Counts:
             values = block.scalars(name, None)
             known = self.of_each.setdefault(name, [])
             known += [float(values[i]) for i in own if values[i] is not None]
+        beyond = block.scalars("beyond_laws", 0.0)
+        self.beyond_laws = max([self.beyond_laws, *(float(beyond[i]) for i in own)])
         missed = block.scalars("tolerance_missed", 0)
         self.tolerance_missed += sum(int(missed[i]) for i in own)
         if "rejected" in block:
@@ -76,6 +79,8 @@ class Counts:
             }  # fmt: skip
         if self.rejected is not None:
             about["rejected_draws"] = self.rejected
+        if self.beyond_laws:
+            about["force_share_beyond_laws"] = self.beyond_laws
         if self.good:
             for name, key in (("seconds_per_equilibrium", "equilibrium_seconds"),
                               ("newton_iterations", "equilibrium_iterations")):  # fmt: skip

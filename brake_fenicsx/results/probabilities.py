@@ -34,8 +34,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.folder.processes import in_turns
+from brake_fenicsx.samples.designs import RIGID
 from brake_fenicsx.scene.samples import Plan, Samples
-from brake_fenicsx.uncertainty.designs import RIGID
 
 from .run import RunData
 from .sensitivity import Indices, indices

@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from brake_fenicsx.samples.designs import HARMONICS, RIGID, library_seed, unit_problem
 from brake_fenicsx.scene.samples import Plan
-from brake_fenicsx.uncertainty.designs import HARMONICS, RIGID, library_seed, unit_problem
 
 Array = NDArray[np.float64]
 

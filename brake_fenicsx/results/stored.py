@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.build.shapes import FILE as SHAPES
+from brake_fenicsx.build.shapes import family_shapes
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.uncertainty.forces import contact_of, force_statistics
-from brake_fenicsx.uncertainty.numbering import dof_points
-from brake_fenicsx.uncertainty.shapes import FILE as SHAPES
-from brake_fenicsx.uncertainty.shapes import family_shapes
-from brake_fenicsx.uncertainty.study import Study
+from brake_fenicsx.samples.forces import contact_of, force_statistics
+from brake_fenicsx.samples.numbering import dof_points
+from brake_fenicsx.samples.study import Study
 
 from .blocks import SampleBlock, Tabulation, blocks_of, tabulation_of
 from .columns import column_writer, ma
@@ -288,7 +288,7 @@ def write_results(study: Study) -> dict[Task, dict[str, Any]]:
             lambda: write_causes(study.store.path(), samples, found), study.comm
         )
     if study.brake.stuck:
-        from brake_fenicsx.uncertainty.forces import stuck_states
+        from brake_fenicsx.samples.forces import stuck_states
 
         study.facts["stuck_contact"] = on_first(
             lambda: stuck_states(study.scene, study.brake, first, study.displacements(first)),
@@ -331,7 +331,7 @@ def _tables(
 
         write_drivers(path(), results, stability.threshold)
     if study.cycles is not None:
-        from .cycle_tables import write_cycles
+        from brake_fenicsx.extras.limit_cycle.cycle_tables import write_cycles
 
         write_cycles(path(), results)
     found = None
@@ -347,6 +347,6 @@ def _tables(
 def _write_shapes(study: Study, points: NDArray[np.float64], results: Results) -> None:
     """Shapes of the families that squeal, for comparisons with other runs."""
     if known := results.squealing_members():
-        u = study.models.shapes(np.array([*known.values()]).T)
+        u = study.models.coordinates.displacements(np.array([*known.values()]).T)
         body = study.models.numbering.body
         study.store.save(SHAPES, **family_shapes(points, body, u, np.array([*known])))

@@ -74,7 +74,7 @@ def solver_versions() -> dict[str, str]:
 def version_of(name: str) -> str:
     """Version of a library that was imported."""
     if name == "gmsh":
-        from brake_fenicsx.macro.meshing.gmsh_mesh import gmsh_session
+        from brake_fenicsx.meshing.gmsh_mesh import gmsh_session
 
         # Its module knows the version of its interface alone.
         with gmsh_session() as gmsh:

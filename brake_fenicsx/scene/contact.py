@@ -54,7 +54,7 @@ class LawTable:
         if self.table is not None and formula:
             yield ": table replaces linear, p0 and u0; leave these out"
         elif self.table is not None and len(self.units) != 2:
-            yield f'.units = {list(self.units)!r}: write those of both columns, ["um", "MPa"]'
+            yield f'.units = {shown(list(self.units))}: write those of both columns, ["um", "MPa"]'
         elif self.table is None and self.linear is None and None in (self.p0, self.u0):
             yield f": write {LAWS}"
         elif self.linear is not None and {self.p0, self.u0} != {None}:
@@ -108,7 +108,7 @@ class Zone:
             if ends is None:
                 continue
             unit = usual_unit(f.metadata["unit"])
-            at = f".{f.name} = {[*with_unit(ends, f.metadata['unit'])]}"
+            at = f".{f.name} = {shown([*with_unit(ends, f.metadata['unit'])])}"
             if len(ends) != 2 or not ends[0] < ends[1]:
                 yield f'{at}: write [lowest, highest], such as ["10 {unit}", "20 {unit}"]'
             if f.name == "angle" and ends[1] - ends[0] > 2 * math.pi * (1 + 1e-12):

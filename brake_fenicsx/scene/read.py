@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,8 +14,8 @@ from typing import Any
 from brake_fenicsx.arguments import of_kind
 from brake_fenicsx.endings import MESH_FILES
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extras.variants.countermeasure_keys import with_ends
 from brake_fenicsx.scene.contact import with_table
-from brake_fenicsx.scene.countermeasures import with_ends
 from brake_fenicsx.scene.damping import check_modal_names
 from brake_fenicsx.scene.rules import check_consistent
 from brake_fenicsx.scene.samples import complete
@@ -48,7 +49,10 @@ def read_scene(
             _override(table, text)
         return _scene(path, table)
     except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
+        # Names and texts of any length stand in messages; paths are shorter.
+        long = r"'[^']{200,}'|\S{200,}"
+        text = re.sub(long, lambda found: f"{found[0][:100]}...{found[0][-50:]}", str(error))
+        raise SceneError(f"{path}: {text}") from None
 
 
 def from_text(value: str) -> Any:

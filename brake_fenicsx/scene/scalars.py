@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 # Keys of a random or swept scalar that hold quantities of its unit.
 QUANTITIES = ("mean", "sd", "min", "max", "start", "stop", "values")
 
+# Key of a scalar that belongs to no table of several.
+SPEED = "motion.speed"
+
 
 def changes_bodies(scene: Scene, name: str) -> bool:
     """Whether a scalar, by its dotted key, enters the matrices of the bodies."""

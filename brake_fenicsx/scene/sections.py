@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from brake_fenicsx.extras.variants.countermeasure_keys import Countermeasure
 from brake_fenicsx.scene.contact import ContactTable
-from brake_fenicsx.scene.countermeasures import Countermeasure
 from brake_fenicsx.scene.damping import Damping
 from brake_fenicsx.scene.faces import AddedMass, Load, Spring, Tie, supports_type
 from brake_fenicsx.scene.mesh import MeshTable

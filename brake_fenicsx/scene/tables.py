@@ -291,8 +291,8 @@ def _kept(value: Any, about: Mapping[str, Any]) -> Any:
     """Refuse a value that breaks the rule of its key."""
     (holds, remedy), unit = about["rule"], about["unit"]
     if not holds(value):
-        number = f"{value:g}" if isinstance(value, float) else shown(value)
-        text = repr([*value]) if isinstance(value, tuple) else number
+        plain: Any = [*value] if isinstance(value, tuple) else value
+        text = f"{value:g}" if isinstance(value, float) else shown(plain)
         raise Contradiction(f" = {text}{unit and ' '}{unit}: {remedy}")
     return value
 

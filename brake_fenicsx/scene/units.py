@@ -91,6 +91,8 @@ def _quantity(value: str, unit: str) -> float:
         raise ValueError(
             'a comma in a quantity; write the decimal point, "2.5 bar", and no other separator'
         )
+    if re.match(r"\s*(?!nan\b|inf)[A-Za-z]", value):  # "GPa" would be 1 GPa
+        raise ValueError(f"not a quantity, write {DIMENSIONS[unit]}")
     try:
         quantity = _registry().Quantity(value)
         return _turns(quantity, unit) * float(quantity.to(_registry().Unit(unit)).magnitude)

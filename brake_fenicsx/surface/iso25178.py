@@ -27,14 +27,15 @@ def iso_parameters(topo: Topography) -> dict[str, float]:
         topo: heights about their mean plane [m].
 
     Returns:
-        S_a, S_p, S_v, S_z, S_al [m], S_dq, S_dr, S_tr [-], and those of ``core_parameters``; nan
-        where the surface does not define one: S_al and S_tr where the autocorrelation falls to 0.2
-        in no direction inside half of the scan. Where it does not fall in some, as along grooves,
-        S_tr is the largest value possible: with the length of the scan's half there.
+        S_a, S_p, S_v, S_z, S_al [m], S_dq, S_dr, S_tr [-], and those of ``core_parameters``; S_al
+        and S_tr of a flat surface are nan. ``S_tr_open`` is the share of the directions in which
+        the autocorrelation does not fall to 0.2 within half of the scan, as along grooves: where it
+        is above zero S_tr is the largest value possible, with the length of the scan's half there,
+        and S_al is the shortest of the lengths that are known.
     """
     z = topo.heights - np.nanmean(topo.heights)
     h = z[np.isfinite(z)]
-    S_al, S_tr = _decay(np.where(np.isfinite(z), z, 0.0), np.isfinite(z), topo.pixel)
+    S_al, S_tr, S_tr_open = _decay(np.where(np.isfinite(z), z, 0.0), np.isfinite(z), topo.pixel)
     S_dq, S_dr = gradients(z, topo.pixel)
     return {
         "S_a": float(np.mean(np.abs(h))),
@@ -45,6 +46,7 @@ def iso_parameters(topo: Topography) -> dict[str, float]:
         "S_dr": S_dr,
         "S_al": S_al,
         "S_tr": S_tr,
+        "S_tr_open": S_tr_open,
         **core_parameters(h),
     }
 
@@ -113,8 +115,8 @@ def gradients(z: Array, pixel: Array) -> tuple[float, float]:
     return float(np.sqrt(np.mean(square))), float(np.mean(np.sqrt(1 + square)) - 1)
 
 
-def _decay(z: Array, valid: NDArray[np.bool_], pixel: Array) -> tuple[float, float]:
-    """Shortest lag at which the autocorrelation falls to 0.2, and its ratio to the longest.
+def _decay(z: Array, valid: NDArray[np.bool_], pixel: Array) -> tuple[float, float, float]:
+    """Shortest lag at which the autocorrelation falls to 0.2, its ratio to the longest, open rays.
 
     Args:
         z: heights [m], 0 where missing, shape (nx, ny).
@@ -130,7 +132,7 @@ def _decay(z: Array, valid: NDArray[np.bool_], pixel: Array) -> tuple[float, flo
     with np.errstate(divide="ignore", invalid="ignore"):
         acf = np.where(pairs[lags] > 0.5, product[lags] / pairs[lags], 0.0)
     if acf[half[0], 0] <= 0:
-        return float("nan"), float("nan")
+        return float("nan"), float("nan"), 0.0
     acf = acf / acf[half[0], 0]
     angle = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     direction = np.array([np.cos(angle), np.sin(angle)])
@@ -143,10 +145,10 @@ def _decay(z: Array, valid: NDArray[np.bool_], pixel: Array) -> tuple[float, flo
     along = map_coordinates(acf, [half[0] + x, y], order=1, mode="nearest")
     along[s > ends[:, None] * (1 + 1e-12)] = np.inf
     j = np.argmax(along <= DECAY, axis=1)
-    if not j.any():
-        return float("nan"), float("nan")
     ray = np.arange(DIRECTIONS)
     with np.errstate(divide="ignore", invalid="ignore"):  # rays without a fall: not used below
         part = (DECAY - along[ray, j]) / (along[ray, np.maximum(j - 1, 0)] - along[ray, j])
     lag = np.where(j > 0, s[j] - step * part, ends)
-    return float(lag[j > 0].min()), float(lag.min() / lag.max())
+    # Heights without their mean fall in some direction; the other case is a safeguard.
+    shortest = lag[j > 0].min() if j.any() else ends.max()
+    return float(shortest), float(shortest / lag.max()), float(np.mean(j == 0))

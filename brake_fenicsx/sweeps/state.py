@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.results.families import mac
+from brake_fenicsx.samples.study import Study
 from brake_fenicsx.stability.modes import Complex, Modes
 from brake_fenicsx.stability.substructures.line import Basis
-from brake_fenicsx.uncertainty.study import Study
 
 Array = NDArray[np.float64]
 # Equilibria that are kept as starts.

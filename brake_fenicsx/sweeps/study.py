@@ -12,15 +12,16 @@ from typing import Any
 
 import numpy as np
 
+from brake_fenicsx.build.material_table import nominal_value
 from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
+from brake_fenicsx.samples.ensemble import run_ensemble
+from brake_fenicsx.samples.inputs import PERFECT
+from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene.samples import ROUGH
 from brake_fenicsx.scene.units import several
-from brake_fenicsx.uncertainty.ensemble import run_ensemble
-from brake_fenicsx.uncertainty.inputs import PERFECT, nominal_value
-from brake_fenicsx.uncertainty.study import Study
 
 from .branches import CUT, FIRST, Followed, follow
 from .events import find_events

@@ -15,8 +15,8 @@ from mpi4py import MPI
 
 import matplotlib.pyplot as plt
 
+from brake_fenicsx.extras.variants.countermeasures import find_countermeasures
 from brake_fenicsx.results.tables import read_rows
-from brake_fenicsx.variants.countermeasures import find_countermeasures
 
 HERE = Path(globals().get("__file__", "notebook")).resolve().parent
 SCENE = HERE.parents[1] / "scripts" / "scenes" / "squealing_block.toml"

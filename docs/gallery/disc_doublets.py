@@ -17,17 +17,17 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from brake_fenicsx.geometry import disc
-from brake_fenicsx.macro import build_mesh
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.scene import MeshTable
+from brake_fenicsx.meshing.brake_mesh import build_mesh
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.stability import complex_modes
-from brake_fenicsx.stability.damping import gyroscopic
+from brake_fenicsx.stability.damping_matrices import gyroscopic
 
 IRON = Material(isotropic(125e9, 0.24), 7200.0)
 shape = disc.Disc(radius=0.144, bore=0.075, thickness=2e-3, size=14e-3)
-mesh = build_mesh({"disc": (disc, shape)}, MPI.COMM_SELF, MeshTable(cells="hexahedra"))
+mesh = build_mesh({"disc": (disc, shape)}, MPI.COMM_SELF, MeshSettings(cells="hexahedra"))
 body = assemble_elastic(mesh, {"disc.body": IRON}, {"disc.bore": ["x", "y", "z"]})
 G = gyroscopic(mesh, body.free, {"disc.body": IRON.rho}, Rotation(1.0))
 

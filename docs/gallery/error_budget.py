@@ -17,8 +17,8 @@ from mpi4py import MPI
 
 import matplotlib.pyplot as plt
 
+from brake_fenicsx.extras.variants.budget import run_budget
 from brake_fenicsx.results.tables import read_rows
-from brake_fenicsx.variants.budget import run_budget
 
 HERE = Path(globals().get("__file__", "notebook")).resolve().parent
 SCENE = HERE.parents[1] / "scripts" / "scenes" / "squealing_block.toml"

@@ -20,8 +20,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from brake_fenicsx import run
-from brake_fenicsx.correlation.identify import identify
-from brake_fenicsx.correlation.part_modes import part_modes
+from brake_fenicsx.extras.measured.identify import identify
+from brake_fenicsx.extras.measured.part_modes import part_modes
 from brake_fenicsx.results.tables import read_columns, read_rows
 from brake_fenicsx.scene import read_scene
 

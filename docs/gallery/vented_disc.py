@@ -15,9 +15,9 @@ import numpy as np
 from PIL import Image
 
 from brake_fenicsx.geometry import disc
-from brake_fenicsx.macro import build_mesh
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
+from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.report.render import render_mode
 from brake_fenicsx.stability import complex_modes
 

@@ -13,11 +13,10 @@ from brake_fenicsx.geometry import (
     hertz_sphere,
     pad,
 )
-from brake_fenicsx.macro.mesh import check_cells, raw_mesh
-from brake_fenicsx.macro.meshing.gmsh_mesh import gmsh_session
-from brake_fenicsx.macro.meshing.quality import jacobians, quality
-from brake_fenicsx.macro.meshing.rawmesh import exterior_facets, facet_keys, facet_nodes
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.meshing.brake_mesh import check_cells, raw_mesh
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings, gmsh_session
+from brake_fenicsx.meshing.quality import jacobians, quality
+from brake_fenicsx.meshing.rawmesh import exterior_facets, facet_keys, facet_nodes
 
 MODULES = {
     "disc": (disc, disc.Disc), "pad": (pad, pad.Pad), "block": (block, block.Block),
@@ -33,7 +32,7 @@ WEIGHTS = np.array([9 / 80, *3 * [(155 - np.sqrt(15)) / 2400], *3 * [(155 + np.s
 
 def mesh(name, cells="tetrahedra", order=1, quality=0.01, **values):
     module, cls = MODULES[name]
-    table = MeshTable(cells=cells, order=order, quality=quality)
+    table = MeshSettings(cells=cells, order=order, quality=quality)
     found = raw_mesh({"p": (module, cls(**values))}, table)
     check_cells(found, table)
     return found
@@ -91,7 +90,7 @@ def surface(m, facets):
 
 
 def flux(m, facets):
-    from brake_fenicsx.macro.meshing.rawmesh import cell_facets
+    from brake_fenicsx.meshing.rawmesh import cell_facets
 
     position, vector = surface(m, facets)
     # Outward: away from the cell of each facet.
@@ -372,7 +371,7 @@ def test_shapes_that_are_not_swept(name, values):
 def test_growth_limits_the_size_beside_a_finer_layer():
     """A plate of 15 mm on a lining of 2 mm: sizes at its top stay below 2 + growth * 6 mm."""
     for growth, most in ((0.25, 3.5e-3), (5.0, 15e-3)):
-        table = MeshTable(growth=growth, quality=1e-6)
+        table = MeshSettings(growth=growth, quality=1e-6)
         p = pad.Pad(side="top", size=2.5e-3, plate_size=15e-3, angle=0.3, piston_diameter=20e-3)
         m = raw_mesh({"p": (pad, p)}, table)
         top = np.abs(m.points[m.facets][:, :, 2] - 26e-3).max(axis=1) < 1e-9
@@ -416,7 +415,7 @@ def test_a_bad_mesh_is_refused_with_its_place():
 
 def test_quality_measures():
     """Regular cells have measure 1; angles are the known ones; a flat cell tends to zero."""
-    from brake_fenicsx.macro.meshing.quality import corner_jacobians, dihedral, radius_ratio
+    from brake_fenicsx.meshing.quality import corner_jacobians, dihedral, radius_ratio
 
     regular = np.array([[[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]]])
     assert radius_ratio(regular) == pytest.approx(1.0)
@@ -435,7 +434,7 @@ def test_curved_cells_inside_out_are_refused():
     m = mesh("block", order=2, size=20e-3)
     m.points[m.cells[0, 4]] += 3 * (m.points[m.cells[0, 2]] - m.points[m.cells[0, 4]])
     with pytest.raises(SceneError, match="inside out by its middle nodes"):
-        check_cells(m, MeshTable())
+        check_cells(m, MeshSettings())
 
 
 def test_gmsh_is_closed_after_an_error():

@@ -5,9 +5,9 @@ from mpi4py import MPI
 import pytest
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extras.variants import countermeasures as module
+from brake_fenicsx.extras.variants.trial import smallest_change
 from brake_fenicsx.results.tables import read_rows
-from brake_fenicsx.variants import countermeasures as module
-from brake_fenicsx.variants.trial import smallest_change
 from coarse_block import BLOCK, FRICTION, ROUGH, levers
 
 pytestmark = pytest.mark.hard

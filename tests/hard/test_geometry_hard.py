@@ -5,18 +5,17 @@ import pytest
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.geometry import block, disc, hertz_sphere, pad
-from brake_fenicsx.macro.mesh import check_cells, raw_mesh
-from brake_fenicsx.macro.meshing.filemesh import FileMesh, completed, gmsh_order
-from brake_fenicsx.macro.meshing.gmsh_mesh import gathered, gmsh_session
-from brake_fenicsx.macro.meshing.quality import orientation, quality
-from brake_fenicsx.macro.meshing.rawmesh import exterior_facets, facet_keys, facet_nodes
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.meshing.brake_mesh import check_cells, raw_mesh
+from brake_fenicsx.meshing.filemesh import FileMesh, completed, gmsh_order
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings, gathered, gmsh_session
+from brake_fenicsx.meshing.quality import orientation, quality
+from brake_fenicsx.meshing.rawmesh import exterior_facets, facet_keys, facet_nodes
 
 pytestmark = pytest.mark.hard
 
 
 def mesh(module, values, **table):
-    return raw_mesh({"p": (module, values)}, MeshTable(**table))
+    return raw_mesh({"p": (module, values)}, MeshSettings(**table))
 
 
 def body_is_closed(m):
@@ -79,11 +78,13 @@ def test_one_vane_many_vanes_and_none():
 def test_thin_ring_of_hexahedra_keeps_positive_jacobians():
     """Curved cells of a tenth of the circumference: inverted cells are rejected."""
     thin = disc.Disc(radius=100e-3, bore=97e-3, thickness=3e-3, size=3e-3)
-    assert check_cells(mesh(disc, thin, cells="hexahedra", order=2), MeshTable()).distortion > 0.5
+    assert (
+        check_cells(mesh(disc, thin, cells="hexahedra", order=2), MeshSettings()).distortion > 0.5
+    )
     coarse = disc.Disc(radius=100e-3, bore=97e-3, thickness=3e-3, size=60e-3)
     for order in (1, 2):
         try:
-            worst = check_cells(mesh(disc, coarse, order=order), MeshTable())
+            worst = check_cells(mesh(disc, coarse, order=order), MeshSettings())
         except SceneError as error:
             assert "mesh" in str(error)
         else:
@@ -94,7 +95,7 @@ def test_very_fine_contact_on_a_large_ball():
     """Mesh sizes from 5 um to 10 mm, a ratio of two thousand: no sliver elements."""
     ball = hertz_sphere.Sphere(50e-3, 60e-6, 5e-6, 10e-3)
     m = mesh(hertz_sphere, ball, order=2)
-    assert check_cells(m, MeshTable()).distortion > 0.3
+    assert check_cells(m, MeshSettings()).distortion > 0.3
     assert len(m.points) < 20000
 
 
@@ -113,7 +114,7 @@ def test_gmsh_order_is_its_own_inverse_for_corners_and_agrees_with_positions():
     points = np.concatenate([corner, [corner[list(e)].mean(axis=0) for e in edges]])
     cell = np.array([gmsh_order("hexahedron", 20)])
     whole, cells = completed(points, cell)
-    from brake_fenicsx.macro.meshing.rawmesh import EDGES, FACETS
+    from brake_fenicsx.meshing.rawmesh import EDGES, FACETS
 
     sets = [*EDGES["hexahedron"], *FACETS["hexahedron"], tuple(range(8))]
     wanted = [corner[list(s)].mean(axis=0) for s in sets]

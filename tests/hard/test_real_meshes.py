@@ -11,12 +11,12 @@ import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from brake_fenicsx.macro.brake import assemble_brake
+from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import complex_modes, contact_interface
-from brake_fenicsx.stability.damping import loss_factor, rayleigh
+from brake_fenicsx.stability.damping_matrices import loss_factor, rayleigh
 from brake_fenicsx.stability.participation import energy_shares
 from dense_reference import all_kappa, undamped
 from tables import turns

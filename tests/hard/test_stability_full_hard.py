@@ -12,7 +12,7 @@ import scipy.sparse.linalg as spla
 from brake_fenicsx import prepare
 from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.stability import complex_modes, contact_interface
-from brake_fenicsx.stability.damping import loss_factor
+from brake_fenicsx.stability.damping_matrices import loss_factor
 from brake_fenicsx.stability.full import dense as small
 from dense_reference import all_damped
 

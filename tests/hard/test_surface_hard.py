@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.errors import SceneError, SurfaceError
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.surface import characterise, given_statistics, make_topography, synthesise
-from brake_fenicsx.surface.of_scene import read_surface
 
 pytestmark = pytest.mark.hard
 

@@ -8,8 +8,8 @@ import pytest
 
 from brake_fenicsx import model
 from brake_fenicsx.errors import InaccurateResult, SceneError
+from brake_fenicsx.samples.solve import full_modes
 from brake_fenicsx.stability.substructures import reach
-from brake_fenicsx.uncertainty.solve import full_modes
 
 pytestmark = pytest.mark.hard
 
@@ -59,8 +59,8 @@ lining = { model = "transversely-isotropic", C11 = "5.94 GPa", C12 = "0.76 GPa",
 def agrees(prepared, values, tolerance=1e-5):
     """Modes of a sample hold the tolerance, and their errors are within what is stated."""
     study = prepared.study
-    sample = study._draw("multi-scale", 0, values)
-    exact = full_modes(study.models, sample, study._prepared.of("multi-scale", sample))
+    sample = study.sample(("multi-scale", 0), values)
+    exact = full_modes(study.models, sample, study.balance(sample))
     found = prepared.modes(values)
     assert found.s.size == exact.s.size >= 7
     distance = np.abs(found.s - exact.s)
@@ -75,7 +75,7 @@ def agrees(prepared, values, tolerance=1e-5):
 def test_a_thickness_over_a_factor_of_five_and_ten(lowest):
     """The degree rises until the tolerance of 1e-5 holds; with 4 as before it was 1e-2."""
     prepared = model.prepare(BLOCK, COARSE, parameters={HEIGHT: (lowest, 20e-3)})
-    assert next(iter(prepared.study.models.reduced.values())).orders[0] > 6
+    assert next(iter(prepared.study.models.reduction.models.values())).orders[0] > 6
     missed = [agrees(prepared, {HEIGHT: h}) for h in np.geomspace(lowest, 20e-3, 6)]
     assert np.concatenate(missed).mean() < 0.1
 
@@ -122,8 +122,8 @@ def test_a_thickness_beyond_what_was_prepared():
     """Far outside of the range the sample is solved at full order, on a body of that thickness."""
     prepared = model.prepare(BLOCK, COARSE, parameters={HEIGHT: (18e-3, 22e-3)})
     study, height = prepared.study, 30e-3
-    sample = study._draw("multi-scale", 0, {HEIGHT: height})
-    exact = full_modes(study.models, sample, study._prepared.of("multi-scale", sample))
+    sample = study.sample(("multi-scale", 0), {HEIGHT: height})
+    exact = full_modes(study.models, sample, study.balance(sample))
     found = prepared.modes({HEIGHT: height})
     np.testing.assert_allclose(found.frequency, exact.frequency, rtol=1e-6)
 

@@ -10,10 +10,10 @@ import pytest
 from brake_fenicsx.geometry import block
 from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.mesh import raw_mesh, tagged_mesh
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.macro.tie import tied_faces
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.meshing.brake_mesh import raw_mesh, tagged_mesh
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 
 pytestmark = pytest.mark.hard
 
@@ -31,13 +31,13 @@ def tied(kappa, supports, shift=0.0):
     parts = {"low": (block, low), "high": (block, replace(low, z=0.0, size=3e-3))}
 
     def made():
-        raw = raw_mesh(parts, MeshTable())
+        raw = raw_mesh(parts, MeshSettings())
         upper = np.unique(raw.cells[raw.part("high")])
         points = raw.points.copy()
         points[upper, 0] += shift
         return replace(raw, points=points)
 
-    mesh = tagged_mesh(made, MPI.COMM_SELF, MeshTable())
+    mesh = tagged_mesh(made, MPI.COMM_SELF, MeshSettings())
     materials = dict.fromkeys(mesh.layers, STEEL)
     elastic = assemble_elastic(mesh, materials, supports)
     tie = tied_faces(mesh, elastic.free, ("low.top", "high.bottom"), materials, kappa)

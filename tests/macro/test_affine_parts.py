@@ -5,7 +5,7 @@ import numpy as np
 from brake_fenicsx.geometry import disc, pad
 from brake_fenicsx.macro.elasticity import affine_parts, assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.mesh import build_mesh
+from brake_fenicsx.meshing.brake_mesh import build_mesh
 
 
 def test_several_layers_in_one_matrix(comm):

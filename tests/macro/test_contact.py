@@ -10,7 +10,7 @@ from brake_fenicsx.macro.contact import contact_elements, join
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.friction import Rotation, Translation, slip_frame
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.mesh import build_mesh
+from brake_fenicsx.meshing.brake_mesh import build_mesh
 
 
 def constant(v):

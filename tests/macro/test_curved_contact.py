@@ -11,8 +11,8 @@ from brake_fenicsx.macro.contact import contact_elements
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.friction import Translation
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.mesh import build_mesh
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.meshing.brake_mesh import build_mesh
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 
 R = 50e-3
 SLIDING = Translation((0.2, 1.0, 0.0), 1.0)
@@ -29,7 +29,7 @@ def bodies(cells, fine):
     else:
         upper = (hertz_sphere, hertz_sphere.Sphere(R, 2e-3, fine))
         lower = (hertz_base, hertz_base.Base(contact=2.2e-3, fine=0.7 * fine))
-    table = MeshTable(cells=cells, order=2)
+    table = MeshSettings(cells=cells, order=2)
     mesh = build_mesh({"upper": upper, "lower": lower}, MPI.COMM_WORLD, table)
     steel = Material(isotropic(2e11, 0.3), 7800.0)
     return mesh, assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}).free

@@ -11,12 +11,12 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
+from brake_fenicsx.build.bodies import added_to_face
+from brake_fenicsx.build.brake import assemble_brake, check_brake
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.brake import assemble_brake, check_brake
 from brake_fenicsx.macro.elasticity import FaceAddition, assemble_elastic, unit_loads
-from brake_fenicsx.macro.joints import added_to_face
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.mesh import Mesh
+from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import read_scene
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"

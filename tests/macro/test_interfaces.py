@@ -5,14 +5,15 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from brake_fenicsx.build.parametric import parametric_brake
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.braking import with_compliance
 from brake_fenicsx.macro.equilibrium import equilibrium
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
 from brake_fenicsx.micro.combined import join_laws
 from brake_fenicsx.pipeline import assemble, run
+from brake_fenicsx.samples.sampling import draw_sample
 from brake_fenicsx.scene import Friction, read_scene
-from brake_fenicsx.uncertainty.sampling import draw_sample
 
 # A plate that slides between two blocks, pressed from above.
 SANDWICH = """
@@ -85,11 +86,12 @@ def test_each_interface_follows_its_own_law_and_friction(scene, comm):
     coefficient. Catches laws or coefficients numbered by the wrong interface."""
     brake = assemble(scene, comm)
     c = brake.contact
-    sample = draw_sample(read_scene(scene), "multi-scale", 0, c, None, None)
+    parsed = read_scene(scene)
+    sample = draw_sample(parsed, "multi-scale", 0, parametric_brake(parsed, brake).at, None, None)
     mu = 0.3 + 0.3 * np.exp(-2.0)
-    np.testing.assert_allclose(sample.mu[c.interface == 0], mu, rtol=1e-12)
-    np.testing.assert_allclose(sample.mu[c.interface == 1], 0.2)
-    eq = equilibrium(with_compliance(brake, sample.laws, comm), sample.laws, sample.mu)
+    np.testing.assert_allclose(sample.friction.mu[c.interface == 0], mu, rtol=1e-12)
+    np.testing.assert_allclose(sample.friction.mu[c.interface == 1], 0.2)
+    eq = equilibrium(with_compliance(brake, sample.laws, comm), sample.laws, sample.friction.mu)
     load = 2e6 * 12e-3 * 8e-3
     for i in (0, 1):
         own = c.interface == i
@@ -141,3 +143,4 @@ def test_joined_laws_are_their_parts():
         ]
         np.testing.assert_array_equal(getattr(both, name)(index, d), np.transpose(alone))
     np.testing.assert_allclose(both.first_touch(index)[[0, 2]], 0.0)
+    np.testing.assert_array_equal(both.highest(index), np.inf)

@@ -9,8 +9,8 @@ import pytest
 from scipy.sparse.linalg import eigsh
 
 from brake_fenicsx import prepare
+from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.scene import read_scene
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
@@ -66,7 +66,7 @@ def test_brake_of_linear_elements():
         prepare(BLOCK, [*own, f'stability.method="{method}"']) for method in ("full", "reduced")
     )
     np.testing.assert_allclose(reduced.modes().s, full.modes().s, rtol=1e-5)
-    total = sum(full.study.models.masses.values())
+    total = sum(full.study.models.brake.masses.values())
     assert abs(total - full.study.brake.M).max() < 1e-12 * abs(total).max()
 
 

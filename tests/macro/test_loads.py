@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
+from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.pipeline import run
+from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.uncertainty.numbering import dof_points
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = ["parts.block.size='10 mm'", "parts.plate.size='20 mm'",

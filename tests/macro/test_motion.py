@@ -10,15 +10,16 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from brake_fenicsx.build import brake as brake_module
+from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.damping_terms import damping_terms
+from brake_fenicsx.build.interfaces import scene_motion
+from brake_fenicsx.build.inventory import placement_doubts
+from brake_fenicsx.build.part_builders import scene_mesh
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro import brake as brake_module
-from brake_fenicsx.macro.brake import assemble_brake, scene_motion
 from brake_fenicsx.macro.friction import Rotation
-from brake_fenicsx.macro.inventory import placement_doubts
-from brake_fenicsx.macro.parts import scene_mesh
 from brake_fenicsx.macro.resultants import pad_forces
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.stability.terms import damping_terms
 
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 BRAKE = [

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import eigsh
 
+from brake_fenicsx.build.brake import assemble_brake, check_brake
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.brake import assemble_brake, check_brake
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.damping import active_terms
 from brake_fenicsx.stability import complex_modes
@@ -173,6 +173,6 @@ def test_inertia_of_two_values_is_refused():
 
 
 def test_faces_too_large_for_a_mean_motion_are_refused(monkeypatch):
-    monkeypatch.setattr("brake_fenicsx.macro.joints.MOST_NODES", 20)
+    monkeypatch.setattr("brake_fenicsx.macro.mean_motion.MOST_NODES", 20)
     with pytest.raises(SceneError, match=r"springs.clip: \d+ nodes .* name a smaller face"):
         loose_bodies(*clip())

@@ -14,20 +14,20 @@ from dolfinx import fem
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh, norm
 
+from brake_fenicsx.build.brake import assemble_brake, check_brake
+from brake_fenicsx.build.shapes import body_centres
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.geometry import block
-from brake_fenicsx.macro.brake import assemble_brake, check_brake
 from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.mesh import raw_mesh, tagged_mesh
-from brake_fenicsx.macro.meshing.rawmesh import joined
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.macro.tie import tied_faces
+from brake_fenicsx.meshing.brake_mesh import raw_mesh, tagged_mesh
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
+from brake_fenicsx.meshing.rawmesh import joined
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.stability.substructures.component import originals_and_images
 from brake_fenicsx.stability.substructures.substructure import split_substructures
-from brake_fenicsx.uncertainty.shapes import body_centres
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 # A second block glued on the first one, its mesh another one.
@@ -42,7 +42,7 @@ C33 = float(STEEL.C[2, 2])
 LENGTH = 20e-3
 
 
-def bar(comm, table=MeshTable(), gap=0.0, bend=None, **upper):  # noqa: B008
+def bar(comm, table=MeshSettings(), gap=0.0, bend=None, **upper):  # noqa: B008
     """Two blocks, one upon the other, of unlike meshes; the upper one may differ, all be bent."""
     low = block.Block(length=10e-3, width=8e-3, height=LENGTH, z=-LENGTH, size=4e-3)
     high = {"length": 10e-3, "width": 8e-3, "height": LENGTH, "z": gap, "size": 2.9e-3, **upper}
@@ -81,7 +81,7 @@ def largest(values):
 @pytest.mark.parametrize("cells", ["tetrahedra", "hexahedra"])
 def test_patch(comm, cells):
     """Uniaxial strain: displacements linear in each body, and the jump sigma / kappa."""
-    mesh = bar(comm, MeshTable(cells=cells))
+    mesh = bar(comm, MeshSettings(cells=cells))
     supports = {"low.bottom": ["z"], "low.sides": ["x", "y"], "high.sides": ["x", "y"]}
     p, kappa = 1e6, 3e13
     elastic, tie = tied(mesh, supports, kappa)
@@ -129,7 +129,7 @@ def test_rigid_motions_strain_no_tie(comm, gap, curved):
         return np.stack([radius * np.sin(angle), x[:, 1], radius * np.cos(angle)], axis=1)
 
     low = {"height": 8e-3}
-    mesh = bar(comm, MeshTable(order=2), gap, bend if curved else None, **low)
+    mesh = bar(comm, MeshSettings(order=2), gap, bend if curved else None, **low)
     elastic, tie = tied(mesh, {}, 1e14, search=0.5e-3)
     if curved:
         # The chords of the borders leave out some of the area.
@@ -158,7 +158,7 @@ def lowest(elastic, count=8):
 
 def test_modes_tend_to_those_of_the_glued_mesh(meshes):
     """Of matching meshes: first order in 1 / kappa, down to the glued mesh itself."""
-    raw, table, comm = meshes.boxes(), MeshTable(), MPI.COMM_SELF
+    raw, table, comm = meshes.boxes(), MeshSettings(), MPI.COMM_SELF
     apart, glued = (tagged_mesh(lambda r=r: r, comm, table) for r in (raw, meshes.glued(raw)))
     materials, held = dict.fromkeys(raw.layers, STEEL), {"plate.bottom": ["x", "y", "z"]}
     exact = lowest(assemble_elastic(glued, materials, held))
@@ -177,7 +177,7 @@ def test_usual_stiffness_costs_less_than_the_mesh():
     """Of unlike meshes: no further from a fine mesh than one piece of the coarser cells is, but for
     the layer itself; ten times the stiffness moves modes by less than the cells do.
     """
-    comm, table = MPI.COMM_SELF, MeshTable()
+    comm, table = MPI.COMM_SELF, MeshSettings()
 
     def one(size):
         piece = block.Block(length=10e-3, width=8e-3, height=24e-3, z=-12e-3, size=size)
@@ -204,7 +204,7 @@ def test_usual_stiffness_costs_less_than_the_mesh():
 
 def test_a_slit_in_one_part_is_closed(meshes):
     """One half of the boxes' common face is whole, the other a slit of one part: tied, all is."""
-    raw, table, comm = meshes.boxes(), MeshTable(), MPI.COMM_SELF
+    raw, table, comm = meshes.boxes(), MeshSettings(), MPI.COMM_SELF
     names = {"pad.body": "one.low", "plate.body": "one.high"}
     raw = replace(raw, layers={names[n]: tag for n, tag in raw.layers.items()})
     plate = np.unique(raw.cells[raw.cell_tag == raw.layers["one.high"]])
@@ -249,13 +249,13 @@ def test_tied_bodies_are_one_substructure_and_repeat_as_one():
     """Two equal pairs, side by side: one is the other's image, unless their ties differ."""
     low = block.Block(length=10e-3, width=8e-3, height=6e-3, z=-6e-3, size=5e-3)
     high = replace(low, z=0.0, size=4e-3)
-    first = raw_mesh({"low": (block, low), "high": (block, high)}, MeshTable())
+    first = raw_mesh({"low": (block, low), "high": (block, high)}, MeshSettings())
     second = replace(
         first, points=first.points + np.array([50e-3, 0, 0]),
         layers={f"other_{n}": tag for n, tag in first.layers.items()},
         faces={f"other_{n}": tag for n, tag in first.faces.items()},
     )  # fmt: skip
-    mesh = tagged_mesh(lambda: joined([first, second]), MPI.COMM_SELF, MeshTable())
+    mesh = tagged_mesh(lambda: joined([first, second]), MPI.COMM_SELF, MeshSettings())
     materials = dict.fromkeys(mesh.layers, STEEL)
     found = []
     for factors in ((), (1.0,), (1.0, 1.0), (1.0, 1.001)):
@@ -304,7 +304,7 @@ def test_a_part_tied_to_one_that_turns_turns_too():
 
 
 def test_a_scene_without_ties_imports_nothing_of_them(monkeypatch):
-    monkeypatch.setitem(sys.modules, "brake_fenicsx.macro.joints", None)
+    monkeypatch.setitem(sys.modules, "brake_fenicsx.build.joints", None)
     assemble_brake(read_scene(BLOCK, [*CAP, "ties={}"]), MPI.COMM_SELF)
     with pytest.raises(ImportError):
         assemble_brake(read_scene(BLOCK, CAP), MPI.COMM_SELF)

@@ -9,9 +9,9 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from brake_fenicsx.build.interfaces import in_zone
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.braking import equilibrium
-from brake_fenicsx.macro.contact import in_zone
 from brake_fenicsx.micro import linear_law
 from brake_fenicsx.pipeline import assemble, run
 from brake_fenicsx.scene import read_scene

@@ -208,6 +208,7 @@ def test_scaled_laws_are_stiffer_everywhere(law):
         wanted = 1.7 * np.array(getattr(law.library, name)(index, x))
         np.testing.assert_allclose(getattr(other, name)(index, x), wanted, 1e-12)
     np.testing.assert_array_equal(other.first_touch(index), law.library.first_touch(index))
+    assert other.highest(index)[0] == pytest.approx(1.7 * law.steps.p[-1], rel=1e-15)
 
 
 def test_save_and_load(tmp_path, law):

@@ -3,14 +3,9 @@
 import re
 import shutil
 
-from mpi4py import MPI
-
 import pytest
-from dolfinx import mesh
 
-from brake_fenicsx.compat import vector_space
 from brake_fenicsx.report.html import write_report
-from brake_fenicsx.report.turned import write_scene
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.squeal import squeals
 
@@ -104,37 +99,6 @@ def test_a_shape_moves_under_the_pointer_and_opens(opened):
     assert image.get_attribute("src") == image.get_attribute("data-moving") != still
     image.click()
     assert opened.inner_text("#viewer-title").endswith(" kHz")
-
-
-def test_the_most_severe_shape_turns_with_the_mouse(browser, shaped, tmp_path):
-    """A page of its own, with the scene of a cube; it loads nothing, and another side is seen."""
-    pytest.importorskip("trame_vtk", reason="pip install trame-vtk")
-    V = vector_space(mesh.create_unit_cube(MPI.COMM_SELF, 2, 2, 2), 1)
-    values = V.tabulate_dof_coordinates().ravel() ** 2
-    folder = tmp_path / "run"
-    shutil.copytree(shaped[0], folder)
-    for picture in folder.glob("figures/mode_*.webp"):
-        write_scene(picture.with_suffix(".vtksz"), V, values)
-    source = write_report(folder, redraw=False)
-    assert source.read_text().count('class="turn"') == 1
-    page, asked = browser.new_page(viewport={"width": 1000, "height": 800}), []
-    page.on("request", lambda request: asked.append(request.url))
-    page.goto(source.as_uri())
-    page.click("button.turn")
-    frame = page.locator("dialog iframe")
-    frame.content_frame.locator("canvas").wait_for()
-    seen = []
-    box = frame.bounding_box()
-    for way in (0, 150):
-        page.mouse.move(box["x"] + 300, box["y"] + 200)
-        page.mouse.down()
-        page.mouse.move(box["x"] + 300 + way, box["y"] + 200 + way, steps=5)
-        page.mouse.up()
-        page.wait_for_timeout(500)
-        seen.append(frame.screenshot())
-    page.close()
-    assert len({*seen}) == 2
-    assert [url for url in asked[1:] if not url.startswith(("data:", "about:", "blob:"))] == []
 
 
 def test_a_link_to_the_appendix_unfolds_it(opened):

@@ -1,9 +1,5 @@
 """What ParaView gets: every dof, both parts of a mode, its period; pictures of modes and meshes."""
 
-import base64
-import json
-import zipfile
-
 import numpy as np
 import pytest
 
@@ -13,7 +9,6 @@ pyvista = pytest.importorskip("pyvista")
 
 from dolfinx import fem, mesh  # noqa: E402
 
-from brake_fenicsx.report import turned  # noqa: E402
 from brake_fenicsx.report.animation import animate_mode  # noqa: E402
 from brake_fenicsx.report.fields import (  # noqa: E402
     facet_means,
@@ -23,7 +18,6 @@ from brake_fenicsx.report.fields import (  # noqa: E402
     write_points,
 )
 from brake_fenicsx.report.render import render_mesh, render_mode  # noqa: E402
-from brake_fenicsx.report.turned import write_scene  # noqa: E402
 
 
 def vector_space(comm, n=3, cell=None):
@@ -166,31 +160,6 @@ def test_mode_picture_shows_both_views_in_colour(tmp_path, space):
     assert min(upper) > 20
     assert left > 0.05
     assert right > 0.05
-
-
-def scene_of(path):
-    """What a scene of vtk.js contains."""
-    with zipfile.ZipFile(path) as file:
-        return json.loads(file.read("index.json"))
-
-
-def test_a_shape_that_turns_is_the_same_bytes_each_time(tmp_path, space):
-    """Colours are the amplitude, 1 at its largest; no address of this process is left."""
-    pytest.importorskip("trame_vtk", reason="pip install trame-vtk")
-    values = values_on(space)
-    first, second = (write_scene(tmp_path / f"{n}.vtksz", space, values) for n in "ab")
-    assert first.read_bytes() == second.read_bytes()
-    arrays = scene_of(first)["hashes"].values()
-    numbers = [np.frombuffer(base64.b64decode(a["content"]), "f4") for a in arrays
-               if a["type"] == "Float32Array"]  # fmt: skip
-    assert any(x.max() == 1.0 and x.min() >= 0.0 for x in numbers)
-
-
-def test_a_large_shape_that_turns_is_thinned_out(tmp_path, space, monkeypatch):
-    pytest.importorskip("trame_vtk", reason="pip install trame-vtk")
-    whole = write_scene(tmp_path / "whole.vtksz", space, values_on(space)).stat().st_size
-    monkeypatch.setattr(turned, "TRIANGLES", 20)
-    assert write_scene(tmp_path / "few.vtksz", space, values_on(space)).stat().st_size < whole
 
 
 def test_bodies_in_a_row_hide_nothing():

@@ -70,7 +70,7 @@ def ink(path: Path) -> tuple[float, int]:
 
 def test_all_figures_are_drawn_and_none_is_blank(drawn):
     _, written = drawn
-    # Those of limit cycles, which this run has not, are laid out in tests/limit_cycle/test_run.py.
+    # Those of limit cycles, which this run has not: tests/extras/limit_cycle/test_run.py.
     names = [plot.name for plot in PLOTS if not plot.name.startswith("limit_cycle")]
     expected = [f"{name}.{kind}" for name in names for kind in ("png", "svg")]
     assert [path.name for path in written] == expected
@@ -179,11 +179,11 @@ def test_statistics_show_fit_band_and_residual(run):
 @pytest.mark.parametrize("stages", [["surface"], ["surface", "micro"]])
 def test_surface_known_by_its_numbers_alone(stages, tmp_path, without_pixels):
     """Its report ended in an error once: there are no heights to draw, and no residual."""
-    from brake_fenicsx.law_stage import law_recipe
+    from brake_fenicsx.build.law_stage import law_recipe
+    from brake_fenicsx.build.measured_surface import read_surface
     from brake_fenicsx.report import html
     from brake_fenicsx.report.inputs import surface_arrays
     from brake_fenicsx.scene import read_scene
-    from brake_fenicsx.surface.of_scene import read_surface
 
     scene = tmp_path / "numbers.toml"
     scene.write_text(

@@ -8,16 +8,16 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.report.mode_fields import _severe
 from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
+from brake_fenicsx.samples.solve import displacements
+from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.operators import tangent
-from brake_fenicsx.surface.of_scene import read_surface
-from brake_fenicsx.uncertainty.solve import displacements
-from brake_fenicsx.uncertainty.study import Study
 
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
@@ -53,12 +53,12 @@ def test_displacements_are_those_of_the_modes(changes, stored, tmp_path, monkeyp
     data = study.work(task)
     assert {"vectors"} & {*data} == {stored} - {""}
     chosen = np.flatnonzero(data["verdict"] == "unstable")[:4]
-    sample = study._draw(*task)
-    ((X, _),) = displacements(study.models, [(task[0], sample, data, chosen)], COMM)
+    sample = study.sample(task)
+    ((X, _),) = displacements(study.models, [(sample, data, chosen)], COMM)
     assert chosen.size == X.shape[1] == 4
-    K = study.models.stiffness(sample)
+    K = study.sample.brake.K
     K_t = tangent(K, brake.N, brake.T, brake.w, data["k"], data["mu"])
-    M = study.models.M
+    M = study.brake.M
     for i, x in zip(chosen, X.T, strict=True):
         omega = np.sqrt((x.conj() @ (K_t @ x)).real / (x.conj() @ (M @ x)).real)
         assert omega == pytest.approx(abs(data["s"][i].imag), rel=1e-5)

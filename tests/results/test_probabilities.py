@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from brake_fenicsx.build.distributions import quantile
 from brake_fenicsx.results.probabilities import (
     CONVERGENCE,
     PROBABILITIES,
@@ -22,8 +23,8 @@ from brake_fenicsx.results.probabilities import (
     write_causes,
 )
 from brake_fenicsx.results.run import RunData
+from brake_fenicsx.samples.designs import design_points, roughness_of
 from brake_fenicsx.scene import Distribution, Samples
-from brake_fenicsx.uncertainty.designs import design_points, quantile, roughness_of
 
 MU, E3 = "contact.pad_disc.friction", "materials.lining.E_3"
 SAMPLES = Samples(approaches=("joint",), random={MU: Distribution("normal", 0.5, 0.05)})

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from brake_fenicsx.build.distributions import quantile
 from brake_fenicsx.results.sensitivity import indices
 from brake_fenicsx.results.statistics import rank_correlation
+from brake_fenicsx.samples.designs import design_points, roughness_of
 from brake_fenicsx.scene import Distribution
 from brake_fenicsx.scene.samples import Plan
-from brake_fenicsx.uncertainty.designs import design_points, quantile, roughness_of
 
 LAW = Distribution("uniform", min=-np.pi, max=np.pi)
 # Closed forms for a = 7, b = 0.1: D = a^2/8 + b pi^4/5 + b^2 pi^8/18 + 1/2.

@@ -6,7 +6,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.stability import complex_modes
-from brake_fenicsx.stability.damping import (
+from brake_fenicsx.stability.damping_matrices import (
     loss_factor,
     rayleigh,
     sliding_damping,

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.results.accuracy import eigenvalue_errors
+from brake_fenicsx.samples.solve import _missed
 from brake_fenicsx.stability.modes import relative_errors
 from brake_fenicsx.stability.substructures.interpolated import InterpolatedMoments
 from brake_fenicsx.sweeps.matching import equal
 from brake_fenicsx.sweeps.state import State
-from brake_fenicsx.uncertainty.solve import _missed
 from dense_reference import all_damped
 from reduced_samples import BAND, HIGH, Sample, followed, substructures
 from sweep_models import hoffmann, modes_of
@@ -74,7 +74,7 @@ def test_a_mode_that_grows_as_fast_as_it_turns_is_listed(two_blocks):
     complete.
     """
     from brake_fenicsx.stability import ReducedModel
-    from brake_fenicsx.stability.damping import velocity_slope
+    from brake_fenicsx.stability.damping_matrices import velocity_slope
     from brake_fenicsx.stability.substructures import CONSTANT
 
     scene = two_blocks("coarse")

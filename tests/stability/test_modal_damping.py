@@ -10,13 +10,13 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.damping_terms import with_modal_damping
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import ReducedModel, split_substructures
-from brake_fenicsx.stability.damping import with_modal_damping
 from brake_fenicsx.stability.substructures import CONSTANT
 from brake_fenicsx.stability.substructures.substructure import ModalRatio, mirror_image
 from coarse_block import BLOCK, ROUGH

@@ -6,7 +6,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.stability import complex_modes, contact_interface
-from brake_fenicsx.stability.damping import rayleigh
+from brake_fenicsx.stability.damping_matrices import rayleigh
 from brake_fenicsx.stability.full import damped
 from dense_reference import all_damped
 

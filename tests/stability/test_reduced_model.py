@@ -22,7 +22,7 @@ from brake_fenicsx.stability import (
     ReducedModel,
     complex_modes,
 )
-from brake_fenicsx.stability.damping import gyroscopic
+from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.substructures import CONSTANT, reduction
 from brake_fenicsx.stability.substructures.interpolated import InterpolatedMoments
 from brake_fenicsx.stability.substructures.complement import Complement

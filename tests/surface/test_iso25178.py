@@ -36,6 +36,9 @@ def test_a_wave_has_the_parameters_of_a_sine(wave):
     # Along the crests the autocorrelation never falls: as far as half of the scan reaches.
     longest = np.hypot(SIZE[1] / 2, found["S_al"])
     assert found["S_tr"] == pytest.approx(found["S_al"] / longest, rel=0.02)
+    # Rays that reach the side before they have gone S_al across the crests.
+    open_ = 2 / np.pi * np.arctan(found["S_al"] / (SIZE[1] / 2))
+    assert found["S_tr_open"] == pytest.approx(open_, abs=0.01)
 
 
 def test_bearing_curve_of_a_wave_is_a_cosine(wave):
@@ -44,18 +47,36 @@ def test_bearing_curve_of_a_wave_is_a_cosine(wave):
     assert height == pytest.approx(A * np.cos(np.pi * share), abs=0.01 * A)
 
 
+def gaussian(a, b, shape, size, seed):
+    """Heights with the autocorrelation exp(-(x/a)^2 - (y/b)^2)."""
+    k = [2 * np.pi * np.fft.fftfreq(m, length / m) for m, length in zip(shape, size, strict=True)]
+    filtered = np.exp(-((a * k[0][:, None]) ** 2 + (b * k[1]) ** 2) / 8)
+    noise = np.random.default_rng(seed).standard_normal(shape)
+    return 1e-6 * np.fft.ifft2(np.fft.fft2(noise) * filtered).real
+
+
+@pytest.mark.parametrize(
+    ("ratio", "points"), [(1.0, 15), (0.5, 15), (0.1, 100)], ids=["strip", "across", "grooves"]
+)
+def test_aspect_ratio_of_a_scan_shorter_than_the_decay_is_a_bound(ratio, points):
+    """A cut whose half is shorter than b sqrt(ln 5): S_tr is no less than a / b, and says so."""
+    b, pixel = 20e-6 if points < 50 else 200e-6, 2e-6
+    z = gaussian(ratio * b, b, (8000, 500), (8000 * pixel, 500 * pixel), 3)[:, :points]
+    found = iso_parameters(make_topography(z, (8000 * pixel, points * pixel)))
+    assert points * pixel / 2 < b * np.sqrt(np.log(5))
+    assert 0.8 * ratio < found["S_tr"] <= 1 and 0 < found["S_tr_open"] < 1
+    assert found["S_al"] > 0.8 * ratio * b * np.sqrt(np.log(5))
+
+
 @pytest.mark.parametrize(("ratio", "n"), [(1.0, 1), (0.4, 2)])
 def test_autocorrelation_of_a_random_surface_falls_where_its_spectrum_says(ratio, n):
     """Gaussian autocorrelation exp(-(x/a)^2 - (y/b)^2): 0.2 at a sqrt(ln 5), whatever is masked."""
     b = 20e-6
-    a, shape = b * ratio, (1024, 1024)
-    size = np.array([2e-3, 2e-3])
-    k = [2 * np.pi * np.fft.fftfreq(m, length / m) for m, length in zip(shape, size, strict=True)]
-    filtered = np.exp(-((a * k[0][:, None]) ** 2 + (b * k[1]) ** 2) / 8)
-    noise = np.random.default_rng(n).standard_normal(shape)
-    z = 1e-6 * np.fft.ifft2(np.fft.fft2(noise) * filtered).real
+    a, size = b * ratio, np.array([2e-3, 2e-3])
+    z = gaussian(a, b, (1024, 1024), size, n)
     z[100:130, 200:260] = np.nan
     found = iso_parameters(make_topography(z, size))
+    assert found["S_tr_open"] == 0
     assert found["S_al"] == pytest.approx(a * np.sqrt(np.log(5)), rel=0.05)
     assert found["S_tr"] == pytest.approx(ratio, abs=0.06)
     # Variance of the slopes of such a surface: 2 S_q^2 (1 / a^2 + 1 / b^2).

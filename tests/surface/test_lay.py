@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.micro import LawSettings, make_library
 from brake_fenicsx.micro.law_of_surface import law_steps
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.surface import averaged, characterise, make_topography, resampled, synthesise
 from brake_fenicsx.surface.iso25178 import iso_parameters
-from brake_fenicsx.surface.of_scene import read_surface
 from brake_fenicsx.surface.psd import anisotropy
 from brake_fenicsx.surface.topography import form
 from brake_fenicsx.surface.waviness import Waviness

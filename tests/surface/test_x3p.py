@@ -117,12 +117,6 @@ def test_one_range_of_releases_of_surfacetopography():
     assert f"SurfaceTopography>={low},<{below}" in (ROOT / "scripts" / "setup").read_text()
 
 
-def test_the_table_of_formats_is_that_of_the_docs():
-    text = (ROOT / "docs" / "own_scan_own_mesh.md").read_text()
-    for ending, row in FORMATS.items():
-        assert f"| `{ending}` | {row.now} | {row.later} | {row.here} |" in text
-
-
 @pytest.mark.parametrize("ending", [e for e, row in FORMATS.items() if row.refused])
 def test_formats_that_the_release_reads_wrongly_are_refused(tmp_path, ending):
     (tmp_path / f"a{ending}").write_bytes(bytes(64))

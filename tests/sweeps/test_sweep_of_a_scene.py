@@ -219,7 +219,7 @@ def test_mistakes_are_one_line(changes, said, tmp_path):
 def test_wrong_line_is_kept_with_its_error(tmp_path, monkeypatch):
     """A sample without an equilibrium at the first value is a failed line, and stops nothing."""
     from brake_fenicsx.errors import NotConverged
-    from brake_fenicsx.uncertainty.study import Study
+    from brake_fenicsx.samples.study import Study
 
     whole = Study.solved
 
@@ -252,8 +252,8 @@ def test_values_without_an_equilibrium_end_the_branches(tmp_path):
 @pytest.mark.slow
 def test_branches_of_the_demo_brake_are_the_modes_of_full_order():
     """Ten values of friction, rough contact: every mode of full order lies on a branch."""
+    from brake_fenicsx.samples.solve import full_modes
     from brake_fenicsx.sweeps.branches import CUT
-    from brake_fenicsx.uncertainty.solve import full_modes
 
     key, values = "contact.pad_disc.friction", np.linspace(0.05, 0.75, 10)
     demo = prepare(BLOCK.with_name("disc_brake_demo.toml"), ["micro.laws=10", "samples.n=2"])
@@ -261,7 +261,7 @@ def test_branches_of_the_demo_brake_are_the_modes_of_full_order():
     assert not any(end == CUT for end in found.ends)
     for i, x in enumerate(values):
         eq, _ = demo.equilibrium_and_modes({key: x})
-        sample = demo.study._draw("multi-scale", 0, {key: x})
+        sample = demo.study.sample(("multi-scale", 0), {key: x})
         full = full_modes(demo.study.models, sample, eq)
         f, damping = found.frequency[:, i], found.damping[:, i]
         here = 2 * np.pi * f * (1j - 0.5 * damping)

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import eigsh
 
-from brake_fenicsx.macro.brake import assemble_brake
-from brake_fenicsx.macro.superelement import read_superelement
+from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.extras.decks.superelement import read_superelement
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.parts import Matrices
 

@@ -12,8 +12,8 @@ from numpy.polynomial import legendre
 
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic, orthotropic, rotate_about_z
-from brake_fenicsx.macro.mesh import build_mesh
 from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
 

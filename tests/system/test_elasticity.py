@@ -9,8 +9,8 @@ from scipy.sparse.linalg import spsolve
 
 from brake_fenicsx.macro.elasticity import assemble_elastic, face_area, unit_loads
 from brake_fenicsx.macro.material import Material, orthotropic, rotate_about_z
-from brake_fenicsx.macro.mesh import Mesh
 from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.meshing.brake_mesh import Mesh
 
 VOIGT = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
 SIZES = np.array([1.0, 0.7, 0.5])

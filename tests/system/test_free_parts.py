@@ -14,8 +14,8 @@ from numpy.polynomial import legendre
 
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
-from brake_fenicsx.macro.mesh import build_mesh
-from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.meshing.brake_mesh import build_mesh
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.stability import complex_modes
 
 IRON = Material(isotropic(125e9, 0.24), 7200.0)
@@ -153,7 +153,7 @@ def test_free_disc(comm, cells, bound):
     wanted = disc_reference(5000.0)
     assert np.count_nonzero(wanted < 1.0) == 6
     parts = {"disc": (disc, disc.Disc(size=12e-3))}
-    table = MeshTable(cells=cells, order=2)
+    table = MeshSettings(cells=cells, order=2)
     modes = frequencies(comm, parts, {"disc.body": IRON}, 5000.0, table)
     found = modes.frequency
     assert found.size == wanted.size == modes.count.expected
@@ -178,7 +178,7 @@ def test_free_pad(comm, cells, bound):
     highest = 0.5 * (wanted[13] + wanted[14])
     given = pad.Pad(side="top", ear_length=0.0, size=6e-3, plate_size=6e-3)
     materials = {"pad.lining": LINING, "pad.plate": STEEL}
-    table = MeshTable(cells=cells, order=2)
+    table = MeshSettings(cells=cells, order=2)
     modes = frequencies(comm, {"pad": (pad, given)}, materials, highest, table)
     assert modes.count.expected == 14
     error = modes.frequency[6:] / wanted[6:14] - 1

@@ -20,9 +20,9 @@ from brake_fenicsx.macro.faces import gather_face
 from brake_fenicsx.macro.friction import Translation
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.mesh import build_mesh
+from brake_fenicsx.meshing.brake_mesh import build_mesh
+from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.micro import OneLaw, linear_law
-from brake_fenicsx.scene.mesh import MeshTable
 
 E, NU, R, A = 210e9, 0.3, 50e-3, 1.5e-3
 E_STAR = E / (2 * (1 - NU**2))
@@ -58,7 +58,7 @@ def line(fine, discretisation="patch", penalty=1e17):
     load = {"cylinder.top": np.pi * A * p0 / 4 / R}
     c, eq, _ = pressed(
         parts, ("cylinder.contact", "plate.contact"), supports, load,
-        MeshTable(cells="hexahedra", order=2), penalty, discretisation,
+        MeshSettings(cells="hexahedra", order=2), penalty, discretisation,
     )  # fmt: skip
     x = c.points[:, 0]
     # Vertical part of the pressure on the curved face: the load, to round-off of the geometry.
@@ -116,7 +116,7 @@ def sphere(fine):
     force = 2 / 3 * np.pi * A**2 * p0
     c, eq, face = pressed(
         parts, ("sphere.contact", "base.contact"), supports,
-        {"sphere.top": force / (np.pi * R**2)}, MeshTable(order=2), 10 * E_STAR / fine, "patch",
+        {"sphere.top": force / (np.pi * R**2)}, MeshSettings(order=2), 10 * E_STAR / fine, "patch",
     )  # fmt: skip
     assert c.w @ (eq.p * c.normal[:, 2]) == pytest.approx(force / 4, rel=1e-3)
     return c, eq, p0, facet_means(face, p0)

@@ -8,9 +8,9 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.mesh import build_mesh
+from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.stability import complex_modes
-from brake_fenicsx.stability.damping import gyroscopic
+from brake_fenicsx.stability.damping_matrices import gyroscopic
 
 RHO, SPEED = 7200.0, 200.0
 IRON = Material(isotropic(125e9, 0.24), RHO)

@@ -52,21 +52,6 @@
     });
   }
 
-  /* A shape that one turns: the viewer of vtk.js, unpacked when it is asked for. */
-  for (const button of document.querySelectorAll("button.turn")) {
-    button.addEventListener("click", async () => {
-      const packed = Uint8Array.from(atob(at("turning").textContent), (c) => c.charCodeAt(0));
-      const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
-      const load = "<script>function loadDataSet() { OfflineLocalView.load(document.body, { base64Str: '"
-        + button.dataset.scene + "' }); }<\/script></body>";
-      const page = (await new Response(stream).text()).replace("</body>", () => load);
-      view(button.parentElement.querySelector("h3").textContent, "",
-        "Drag to turn, wheel to zoom. The bodies are drawn apart.");
-      viewer.querySelector(".frame").append(
-        Object.assign(document.createElement("iframe"), { srcdoc: page, title: "mode shape" }));
-    });
-  }
-
   if (at("map-data")) { squealMap(JSON.parse(at("map-data").textContent)); }
 
   function squealMap(data) {

@@ -1,0 +1,264 @@
+"""Damping of a scene's brake: what all samples share, and what each adds at its interface.
+
+Rayleigh, loss factors and the turning disc belong to the bodies and are assembled once. Friction's
+own terms, C_s and C_mu of ``stability.damping_matrices``, take the sample's pressures, friction and
+speeds at equilibrium.
+
+Damping ratios of the parts of a scene: the modes w_j of a substructure without contact, with its
+supports, springs and ties, get
+
+    C = sum_j  M w_j  2 zeta_j omega_j  w_j' M,
+
+so that each alone has the ratio zeta_j. The sum is that of the modes that the reduced model keeps;
+those beyond its cutoff omega_c are damped by zeta_c (2 omega_c M + K / (4 omega_c)) with the ratio
+at the cutoff: near their ratio where they are flexible. In a complex mode of the brake the damping
+is what these modes contribute to it; a changing material leaves C as it is at the centre of its
+range.
+
+Under scalars of the scene that take other values, C = alpha M + beta K + sum loss_m K_m / omega_ref
++ Omega G of the materials m. Each scalar adds its change times a matrix that is assembled once;
+where the stiffness of a material changes, by a_j A_j, the damping takes the share beta + loss_m /
+omega_ref of it, whatever the scalars are then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.macro.contact import Contact
+from brake_fenicsx.macro.elasticity import affine_parts
+from brake_fenicsx.macro.friction import Friction, Rotation
+from brake_fenicsx.macro.material import Material
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.damping import (
+    Damping,
+    ModalDamping,
+    active_terms,
+    damped_bodies,
+    damped_springs,
+    turning_parts,
+)
+from brake_fenicsx.scene.samples import split_key
+from brake_fenicsx.scene.scalars import SPEED
+from brake_fenicsx.stability.damping_matrices import (
+    gyroscopic,
+    loss_factor,
+    rayleigh,
+    sliding_damping,
+    velocity_slope,
+)
+from brake_fenicsx.stability.substructures import Substructure
+from brake_fenicsx.stability.substructures.substructure import ModalRatio
+
+from .brake import Brake
+from .interfaces import scene_motion
+from .material_table import material_of
+
+Array = NDArray[np.float64]
+RAYLEIGH = ("stability.damping.rayleigh.alpha", "stability.damping.rayleigh.beta")
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """Damping terms of a scene.
+
+    Attributes:
+        bulk: those of the bodies [N s/m], whole on this process; None if there are none.
+        turns: whether friction turns with the direction of sliding.
+        falls: whether it changes with the speed.
+    """
+
+    bulk: sp.csr_matrix | None = None
+    turns: bool = False
+    falls: bool = False
+
+    def matrix(
+        self, contact: Contact, friction: Friction, p: Array, change: sp.csr_matrix | None = None
+    ) -> sp.csr_matrix | None:
+        """Damping of one sample at its equilibrium, C [N s/m]; None where nothing damps it.
+
+        Args:
+            contact: contact elements.
+            friction: of these.
+            p: pressures at equilibrium [Pa], shape (elements,).
+            change: what the sample adds to the damping of the scene's bodies [N s/m].
+        """
+        mu, parts = friction.mu, [] if self.bulk is None else [self.bulk]
+        if change is not None and change.nnz:
+            parts.append(change)
+        if self.turns and np.any(mu * p):
+            parts.append(sliding_damping(contact.R, contact.w, p, friction.speed, mu))
+        if self.falls and np.any(friction.slope * p):
+            parts.append(velocity_slope(contact.T, contact.w, p, friction.slope))
+        return _sum(parts)
+
+
+def damping_terms(scene: Scene, brake: Brake) -> Terms | None:
+    """Assemble the terms of the bodies.
+
+    Args:
+        scene: the scene.
+        brake: its operators.
+
+    Returns:
+        The terms; None where the scene names none.
+    """
+    table, own = scene.damping, brake.elastic.C
+    parts = [] if own is None else [own]
+    if table is None:
+        return Terms(own) if parts else None
+    return Terms(_sum([*parts, *_terms_of_bodies(scene, brake, table)]), table.sliding, table.slope)
+
+
+def _terms_of_bodies(scene: Scene, brake: Brake, table: Damping) -> Iterator[sp.csr_matrix]:
+    """Damping that a scene names for its bodies, one matrix for each term."""
+    layers = brake.materials
+    if table.rayleigh is not None:
+        yield rayleigh(brake.M, brake.K, *table.rayleigh)
+    if table.loss:
+        yield _hysteretic(brake, layers, table.reference)
+    motion = scene_motion(scene)
+    if table.gyroscopic and isinstance(motion, Rotation):
+        yield gyroscopic(brake.mesh, brake.elastic.free, turning_density(scene, brake), motion)
+    for term in table.own:
+        yield term.matrix(brake)
+
+
+def record(scene: Scene, contact: Contact) -> dict[str, Any]:
+    """What acts where, with its numbers, for log and summary; empty without damping."""
+    facts: dict[str, Any] = {}
+    if damped := damped_springs(scene):
+        facts["springs"] = {f"{name}_N_s_m": [*values] for name, values in damped.items()}
+    if files := damped_bodies(scene):
+        facts["matrices"] = {**files}
+    table = scene.stability.damping if scene.stability else None
+    if table is None:
+        table = Damping()
+    if table.rayleigh is not None:
+        facts["rayleigh"] = {"alpha_1_s": table.rayleigh[0], "beta_s": table.rayleigh[1]}
+    if table.loss:
+        factors = {name: m.loss for name, m in scene.materials.items() if m.loss}
+        facts["loss"] = {"omega_ref_rad_s": table.reference, "factors": factors}
+    moving = contact.speed[contact.speed > 0]
+    speeds = [float(moving.min()), float(moving.max())] if moving.size else []
+    if table.sliding:
+        facts["sliding"] = {"speeds_m_s": speeds}
+    if table.slope:
+        facts["slope"] = {"speeds_m_s": speeds}
+    if table.gyroscopic:
+        speed = scene.motion.rate if scene.motion else 0.0
+        facts["gyroscopic"] = {"speed_rad_s": speed, "parts": turning_parts(scene)}
+    if table.own:
+        facts["own"] = {"terms": [repr(term) for term in table.own]}
+    if table.modal:
+        facts["modal"] = {name: asdict(given) for name, given in table.modal.items()}
+    for term, numbers in facts.items():
+        approaches = scene.samples.approaches
+        numbers["approaches"] = [a for a in approaches if term in active_terms(scene, a)]
+    return facts
+
+
+def _hysteretic(brake: Brake, layers: Mapping[str, Material], omega_ref: float) -> sp.csr_matrix:
+    """Loss factors of the layers, one stiffness assembled for each value of them."""
+    values = sorted({m.loss for m in layers.values() if m.loss})
+    groups = [{n: m.C for n, m in layers.items() if m.loss == eta} for eta in values]
+    stiffnesses = affine_parts(brake.mesh, brake.elastic.free, groups)
+    return loss_factor(list(zip(values, stiffnesses, strict=True)), omega_ref)
+
+
+def _sum(parts: list[sp.csr_matrix]) -> sp.csr_matrix | None:
+    """Sum of some matrices; None where there are none."""
+    return sum(parts[1:], parts[0]).tocsr() if parts else None
+
+
+def with_modal_damping(
+    scene: Scene, bodies: Sequence[Substructure], masses: Mapping[str, sp.csr_matrix]
+) -> list[Substructure]:
+    """Substructures with the damping ratios that a scene names for their parts.
+
+    Args:
+        scene: the scene.
+        bodies: its substructures.
+        masses: mass of each layer, "part.layer", and of bodies given by matrices [kg], shape
+            (dofs, dofs).
+    """
+    damping = scene.stability.damping if scene.stability else None
+    given = damping.modal if damping else {}
+    if not given:
+        return list(bodies)
+    ratios: list[list[ModalRatio]] = [[] for _ in bodies]
+    for name in scene.parts:
+        layers = [A for layer, A in masses.items() if layer.partition(".")[0] == name]
+        mass = sum(layers[1:], layers[0]).tocsr()
+        own = given.get(name, ModalDamping(0.0))
+        for found, body in zip(ratios, bodies, strict=True):
+            inner = mass[body.dofs][:, body.dofs].tocsr()
+            if inner.nnz:
+                frequency = np.array(own.frequency)
+                found.append(ModalRatio(inner, frequency, np.atleast_1d(own.ratio)))
+    return [
+        replace(body, ratios=tuple(found)) if any(part.ratio.any() for part in found) else body
+        for body, found in zip(bodies, ratios, strict=True)
+    ]
+
+
+def stiffness_share(scene: Scene, material: str, values: Mapping[str, float]) -> float:
+    """Share [s] of a change of the stiffness of a material that the damping takes.
+
+    Args:
+        scene: the scene.
+        material: name of the material.
+        values: scalars that differ from the scene, by dotted key, SI.
+    """
+    table = scene.stability.damping if scene.stability else None
+    if table is None:
+        return 0.0
+    share = 0.0
+    if table.rayleigh is not None:
+        share += values.get(RAYLEIGH[1], table.rayleigh[1])
+    if table.loss:
+        loss = scene.materials[material].loss
+        share += values.get(f"materials.{material}.loss", loss) / table.reference
+    return share
+
+
+def mass_share(scene: Scene, values: Mapping[str, float]) -> float:
+    """Share [1/s] of a change of the mass that the damping takes; arguments as above."""
+    table = scene.damping
+    alpha = table.rayleigh[0] if table and table.rayleigh else 0.0
+    return values.get(RAYLEIGH[0], alpha)
+
+
+def turning_density(scene: Scene, brake: Brake) -> dict[str, float]:
+    """Density of the layers that turn [kg/m^3]."""
+    turns = {*turning_parts(scene)}
+    return {n: m.rho for n, m in brake.materials.items() if n.partition(".")[0] in turns}
+
+
+def damping_slope(scene: Scene, brake: Brake, name: str) -> sp.csr_matrix:
+    """Derivative of the damping by a scalar, on the scene's own stiffness.
+
+    Args:
+        scene: the scene, with damping.
+        brake: its operators.
+        name: dotted key: Rayleigh's alpha or beta, the loss factor of a material, the speed.
+
+    Returns:
+        dC/d(scalar) [N s/m over its unit], whole on this process.
+    """
+    mesh, free, motion = brake.mesh, brake.elastic.free, scene_motion(scene)
+    if name in RAYLEIGH:
+        return brake.M if name == RAYLEIGH[0] else brake.K
+    if name == SPEED and isinstance(motion, Rotation):
+        return gyroscopic(mesh, free, turning_density(scene, brake), replace(motion, speed=1.0))
+    if scene.damping is None:
+        raise ValueError(f"{name}: a scene without damping")
+    material = split_key(name)[1]
+    own = {n: m.C for n, m in brake.materials.items() if material_of(scene, n) == material}
+    return (affine_parts(mesh, free, [own])[0] / scene.damping.reference).tocsr()

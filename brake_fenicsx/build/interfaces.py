@@ -1,0 +1,164 @@
+"""Interfaces of a scene: their contact elements, restricted to zones of their faces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from itertools import combinations
+
+from mpi4py import MPI
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.contact import Contact, contact_elements, restricted
+from brake_fenicsx.macro.elasticity import FreeDofs
+from brake_fenicsx.macro.friction import Motion, Rotation, Translation
+from brake_fenicsx.meshing.brake_mesh import Mesh
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.contact import Zone
+from brake_fenicsx.scene.friction import slides
+from brake_fenicsx.scene.units import quantity_text
+
+Array = NDArray[np.float64]
+TURN = 2 * np.pi
+
+
+def scene_motion(scene: Scene) -> Motion:
+    """How the disc moves; a scene without motion has no friction, any direction serves then."""
+    motion = scene.motion
+    if motion is None:
+        return Rotation(1.0)
+    if motion.direction is not None:
+        return Translation(motion.direction, motion.rate)
+    return Rotation(motion.rate, motion.turns_about, motion.point or (0.0, 0.0, 0.0))
+
+
+def interface_elements(
+    scene: Scene, name: str, mesh: Mesh, free: FreeDofs, comm: MPI.Comm
+) -> Contact:
+    """Contact elements of an interface, regardless of its zone.
+
+    Args:
+        scene: the scene.
+        name: of the interface.
+        mesh: the mesh.
+        free: numbering of the free dofs.
+        comm: processes that share the integrals.
+
+    Raises:
+        SceneError: the faces do not lie opposite to each other.
+    """
+    table = scene.contact[name]
+    try:
+        return contact_elements(
+            mesh, free, (table.faces[0], table.faces[1]),
+            scene_motion(scene) if slides(scene, name) else None,
+            table.discretisation, table.search, comm,
+        )  # fmt: skip
+    except SceneError as error:
+        raise SceneError(f"{scene.file}: {error}") from None
+
+
+def in_zone(zone: Zone, points: Array) -> NDArray[np.bool_]:
+    """Which points lie in a zone.
+
+    Args:
+        zone: ranges [low, high) of some coordinates.
+        points: positions [m], shape (n, 3).
+    """
+    inside = np.ones(len(points), dtype=bool)
+    for name, (low, high) in _ranges(zone).items():
+        away = _coordinate(name, points) - low
+        if name == "angle":
+            away = away % TURN
+            # Just below zero the remainder rounds to a whole turn.
+            away[away >= TURN] = 0.0
+        inside &= (away >= 0) & (away < high - low)
+    return inside
+
+
+def zone_of(contact: Contact, zone: Zone, where: str) -> Contact:
+    """The elements of an interface in a zone.
+
+    Args:
+        contact: all elements of its faces.
+        zone: ranges of their centres.
+        where: what names the interface in a message.
+
+    Raises:
+        SceneError: there is none.
+    """
+    kept = in_zone(zone, contact.points)
+    if not kept.any():
+        there = []
+        for name in _ranges(zone):
+            x, unit = _coordinate(name, contact.points), _unit(name)
+            low, high = (quantity_text(float(v), unit) for v in (x.min(), x.max()))
+            there.append(f"{name} {low} to {high}")
+        raise SceneError(
+            f"{where}.zone: contains no centre of a contact element; they lie at"
+            f" {', '.join(there)}; widen the zone, or refine the mesh"
+        )
+    return restricted(contact, kept)
+
+
+def check_apart(scene: Scene, found: Mapping[str, Contact]) -> None:
+    """Refuse interfaces on the same faces that share contact elements.
+
+    Args:
+        scene: the scene.
+        found: contact elements of each interface.
+
+    Raises:
+        SceneError: the names of both, and how many elements they share.
+    """
+    tables = scene.contact
+    for one, two in combinations(tables, 2):
+        if {*tables[one].faces} != {*tables[two].faces}:
+            continue
+        zone = tables[two].zone
+        points = found[one].points
+        shared = points.shape[0] if zone is None else int(in_zone(zone, points).sum())
+        if shared:
+            raise SceneError(
+                f"{scene.file}: contact.{one}.zone, contact.{two}.zone: {shared} contact elements"
+                f" of {tables[one].faces[0]!r} and {tables[one].faces[1]!r} belong to both; write"
+                " zones that have no centre of an element in common"
+            )
+
+
+def uncovered(scene: Scene, found: Mapping[str, Contact]) -> float:
+    """Area [m^2] of the first faces of all interfaces that none of them covers.
+
+    Args:
+        scene: the scene.
+        found: contact elements of each interface.
+    """
+    free: dict[str, float] = {}
+    for name, table in scene.contact.items():
+        area, face = float(found[name].w.sum()), table.faces[0]
+        # Of one interface alone the area of the face is what it covers and what it does not.
+        free[face] = free.get(face, found[name].uncovered + area) - area
+    return sum(free.values())
+
+
+def _ranges(zone: Zone) -> dict[str, tuple[float, float]]:
+    """The ranges that a zone names."""
+    named = {f.name: getattr(zone, f.name) for f in fields(zone)}
+    return {name: (ends[0], ends[1]) for name, ends in named.items() if ends is not None}
+
+
+def _coordinate(name: str, points: Array) -> Array:
+    """A coordinate of points [m or rad]."""
+    x, y, z = points.T
+    if name == "radius":
+        return np.asarray(np.hypot(x, y))
+    if name == "angle":
+        return np.asarray(np.arctan2(y, x))
+    return {"x": x, "y": y, "z": z}[name]
+
+
+def _unit(name: str) -> str:
+    return "rad" if name == "angle" else "m"

@@ -1,0 +1,1 @@
+"""What a scene or a command must name; the core imports none of it."""

@@ -1,0 +1,1 @@
+"""Decks of other programs: first scenes, readers of mesh files, bodies by matrices."""

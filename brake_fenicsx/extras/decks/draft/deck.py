@@ -1,0 +1,304 @@
+"""Ties, contact, supports, loads and springs of a deck of Abaqus or CalculiX; supports of Ansys.
+
+Each reader gives the reason why something of its keyword is not taken over, or None.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extras.decks.abaqus import held_along
+from brake_fenicsx.extras.decks.abaqus_keywords import HARMLESS, KNOWN, doubts
+from brake_fenicsx.extras.decks.nastran import HARMLESS as NASTRAN_HARMLESS
+from brake_fenicsx.extras.decks.nastran import SHELL_NODES
+from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh
+
+from .materials import ABAQUS, ANSYS, NASTRAN, SHELLS, Reader, of_solids, taken
+from .statements import Deck, Quantity, axis_key, numbers
+
+# Keywords that others refer to, also before they stand in the deck.
+_FIRST = ("COUPLING", "KINEMATIC", "RIGID BODY", "ELEMENT", *SHELL_NODES)
+# What an interaction has no more once its keyword is not understood.
+_REPLACED = {"FRICTION": ("friction", "slip"), "SURFACE BEHAVIOR": ("law", "tied")}
+
+
+def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
+    """Read the keywords of a mesh file by its ending.
+
+    Args:
+        mesh: the file.
+        suffix: its ending.
+        solid: sections of shells are taken, and not refused.
+    """
+    deck = Deck(mesh, unread=[*mesh.lost], apart=[*mesh.apart])
+    for name in (*mesh.node_groups, *mesh.facet_groups):
+        sign, _, value = name.partition(" ")
+        if sign in ("*BOUNDARY", "D"):
+            deck.add("supports", name, along=value)
+        elif sign == "*DLOAD" and float(value) > 0:
+            deck.add("loads", name, pressure=Quantity(float(value), "Pa"))
+    readers = _READERS.get(suffix, _READERS[""])
+    for block in mesh.blocks:
+        if block.keyword in SHELLS and not (solid or of_solids(mesh, block)):
+            kinds = ", ".join(f"{len(own)} {kind}" for kind, own in mesh.shells.items())
+            raise SceneError(
+                f"{block.at}: {block.said}: shells ({kinds or 'none are read'}) are no part of a"
+                " scene; add --shells solid, which makes layers of solids of them, or remove this"
+                " line if they only mark a face"
+            )
+    for block in sorted(mesh.blocks, key=lambda block: block.keyword not in _FIRST):
+        if block.keyword in (HARMLESS if suffix == ".inp" else NASTRAN_HARMLESS):
+            continue
+        said: str | None = "" if block.keyword not in readers else None
+        if suffix == ".inp" and block.keyword in KNOWN:
+            said, aside = doubts(block)
+            deck.unread += [(block, text) for text in aside]
+        try:
+            if said is None:
+                said = readers[block.keyword](deck, block)
+            else:
+                for key in _REPLACED.get(block.keyword, ()):
+                    deck.laws[deck.about.upper()].pop(key, None)
+        except SceneError:
+            raise
+        except (ValueError, IndexError, KeyError, SyntaxError):
+            said = "its lines are not understood"
+            if block.keyword in SHELLS:
+                raise SceneError(f"{block.at}: {block.said}: {said}") from None
+        except ImportError as error:
+            said = f"needs {error.name}: pip install {error.name}"
+        if said is not None:
+            deck.unread.append((block, said))
+    _glue(deck)
+    return deck
+
+
+def _begin(deck: Deck, block: DeckKeyword) -> None:
+    """The next keywords are about a material or an interaction; a new friction follows or none."""
+    deck.about = block.options["NAME" if "NAME" in block.options else "INTERACTION"]
+    if block.keyword == "CHANGE FRICTION":
+        for key in _REPLACED["FRICTION"]:
+            deck.laws[deck.about.upper()].pop(key, None)
+        if "AMPLITUDE" in block.options:
+            deck.about = ""
+
+
+def _pair(deck: Deck, block: DeckKeyword) -> str | None:
+    """*TIE, *CONTACT PAIR and *CONTACT INCLUSIONS: two faces in a line."""
+    apart = [{*map(str.upper, pair)} for pair in deck.apart]
+    deck.general |= "ALLEXTERIOR" in block.options
+    for faces in (row[:2] for row in block.rows):
+        if len({*faces} - {""}) < 2:
+            return "a face with itself, or with all others"
+        if {*map(str.upper, faces)} in apart:
+            continue
+        keys: dict[str, Any] = {"faces": faces}
+        section = "ties" if block.keyword == "TIE" or "TIED" in block.options else "contact"
+        if section == "contact":
+            keys["interaction"] = block.options.get("INTERACTION", "")
+        elif given := block.options.get("POSITIONTOLERANCE"):
+            keys["search"] = Quantity(float(given), "m")
+        deck.add(section, block.options.get("NAME", "_".join(faces)), **keys)
+    return None
+
+
+def _exclusions(deck: Deck, block: DeckKeyword) -> str | None:
+    deck.apart += [row for row in block.rows if all(row)]
+    return None if all(map(all, block.rows)) else "write the [contact] of the surface with others"
+
+
+def _assignment(deck: Deck, block: DeckKeyword) -> str | None:
+    """Interaction of two surfaces of general contact, or of all; the last one counts."""
+    for first, second, interaction in block.rows:
+        if first and second:
+            keys = {"faces": [first, second], "interaction": interaction}
+            deck.add("contact", f"{first}_{second}", **keys)
+        elif first or second:
+            return f"{', '.join((first, second, interaction))}: write its [contact]"
+        else:
+            deck.interaction = interaction
+    return None
+
+
+def _glue(deck: Deck) -> None:
+    """Pairs whose interaction is tied are ties."""
+    for name, keys in [*deck.tables["contact"].items()]:
+        if deck.laws.get(keys["interaction"].upper(), {}).get("tied"):
+            del deck.tables["contact"][name]
+            deck.add("ties", name, faces=keys["faces"])
+
+
+def _behavior(deck: Deck, block: DeckKeyword) -> str | None:
+    """*SURFACE BEHAVIOR of an interaction."""
+    own, given = deck.laws[deck.about.upper()], numbers(block)
+    kind = block.options.get("PRESSURE-OVERCLOSURE", "HARD").upper()
+    own["tied"] = kind == "TIED"
+    own.pop("law", None)
+    if kind == "LINEAR":
+        own["law"] = {"linear": Quantity(given[0], "Pa/m")}
+    return "write the stiffness of the tie" if kind == "TIED" and given else None
+
+
+def _friction(deck: Deck, block: DeckKeyword) -> str | None:
+    """*FRICTION of an interaction: a number, a falling one, or faces that stick."""
+    own, given = deck.laws[deck.about.upper()], numbers(block)
+    for key in _REPLACED["FRICTION"]:
+        own.pop(key, None)
+    if "ROUGH" in block.options:
+        own["slip"] = "stuck"
+    elif "EXPONENTIALDECAY" in block.options:
+        # Abaqus: mu = mu_k + (mu_s - mu_k) exp(-d_c V); a scene has 1 / d_c.
+        static, kinetic, rate = given
+        if not rate > 0:
+            return f"a decay constant of {rate:g}"
+        own["friction"] = {"static": static, "kinetic": kinetic,
+                           "decay": Quantity(1.0 / rate, "m/s")}  # fmt: skip
+    else:
+        # What else stands in the only line of a table is where it holds.
+        own["friction"] = Quantity(given[0], "")
+    return None
+
+
+def _coupling(deck: Deck, block: DeckKeyword) -> None:
+    face = block.options["SURFACE" if "SURFACE" in block.options else "NSET"]
+    deck.about = deck.couplings[int(deck.nodes(block.options["REFNODE"])[0])] = face
+
+
+def _kinematic(deck: Deck, block: DeckKeyword) -> str | None:
+    """Components of the last coupling: all displacements, or it is left out."""
+    ends = [(int(row[0]), int(row[-1])) for row in block.rows]
+    if {1, 2, 3} <= {c for first, last in ends for c in range(first, last + 1)} or not ends:
+        return None
+    deck.couplings = {n: face for n, face in deck.couplings.items() if face != deck.about}
+    return "it couples some components alone: write [supports] or [springs]"
+
+
+def _boundary(deck: Deck, block: DeckKeyword) -> str | None:
+    """Supports, a row for each component."""
+    said, held = None, dict[str, set[str]]()
+    for word, component, _, value in block.rows:
+        held.setdefault(word, set()).add(component)
+        if float(value):
+            said = "it moves its nodes, which the scene holds: write a displacement in [loads], or"
+            said += " [motion] of the disc"
+    for word, components in held.items():
+        instance, _, number = word.rpartition(".")
+        face = None if instance and number.isdigit() else deck.coupled(word)
+        if face is not None and len(components) < 6:
+            said = f"node {word} holds {face} but for some motions: write [supports] or [springs]"
+        elif not (group := face or word).rpartition(".")[2].isdigit():
+            along = {held_along([c]) for c in components} - {"r"}
+            along |= {*deck.tables["supports"].get(group, {}).get("along", "")}
+            deck.add("supports", group, along="".join(sorted(along)))
+    return said
+
+
+def _pressure(deck: Deck, block: DeckKeyword) -> str | None:
+    """*DSLOAD; those of *DLOAD are groups of the file."""
+    said = None
+    for face, kind, value in block.rows:
+        if float(value) < 0:
+            said = f"{kind} of {value}: no pressure towards the body"
+        elif block.keyword == "DSLOAD" and float(value):
+            deck.add("loads", face, pressure=Quantity(float(value), "Pa"))
+    return said
+
+
+def _force(deck: Deck, block: DeckKeyword) -> str | None:
+    """On all nodes of a set, or on the node that a face is coupled to."""
+    said = None
+    for word, component, value in block.rows:
+        face, count, c = deck.coupled(word), deck.nodes(word).size, int(component) - 1
+        if face is None and (count == 1 or c > 2):
+            said = f"node {word} is not coupled to a face: write a force of [loads]"
+            continue
+        kind, unit = (("force", "N"), ("moment", "N m"))[c > 2]
+        own = _axes(deck, "loads", face or word, kind, unit)
+        own[c % 3] = Quantity(float(value) * count, unit)
+    return said
+
+
+def _axes(deck: Deck, section: str, name: str, key: str, unit: str) -> list[Quantity]:
+    """Three components of a key, zero until they are written."""
+    zero = [Quantity(0.0, unit)] * 3
+    own: list[Quantity] = deck.tables[section].setdefault(name, {}).setdefault(key, zero)
+    return own
+
+
+def _motion(deck: Deck, block: DeckKeyword) -> str | None:
+    """*MOTION: a velocity, or an angular one about the axis from a point to another one."""
+    ((name, speed, *rest),) = block.rows
+    x = [float(word or 0) for word in rest]
+    if len(x) != (6 if "ROTATION" in block.options else 3) or not float(speed):
+        return "its line is not understood"
+    turns = len(x) == 6
+    along = [b - a for a, b in zip(x[:3], x[3:], strict=True)] if turns else x
+    if not any(along):
+        return "its axis has two equal points" if turns else "it has no direction"
+    deck.motion = (
+        name,
+        {
+            **({"axis": axis_key(along)} if turns else {"direction": along}),
+            **({"point": [Quantity(v, "m") for v in x[:3]]} if turns and any(x[:3]) else {}),
+            "speed": Quantity(float(speed), "rad/s" if turns else "m/s"),
+        },
+    )
+    return None
+
+
+def _element(deck: Deck, block: DeckKeyword) -> str | None:
+    """Springs and masses at reference nodes."""
+    if not block.options.get("TYPE", "").upper().startswith(("SPRING", "MASS")):
+        return ""
+    for row in block.rows:
+        faces = [deck.couplings.get(deck.mesh.numbers[int(word)]) for word in row[1:]]
+        if None in faces:
+            return "its nodes are not coupled to faces: write [springs] or [masses]"
+        deck.ends[block.options["ELSET"].upper()].append([str(face) for face in faces])
+    return None
+
+
+def _spring(deck: Deck, block: DeckKeyword) -> str | None:
+    (components, k), ends = block.rows, deck.ends[block.options["ELSET"].upper()]
+    if len({*components} - {""}) != 1 or int(components[0]) > 3 or len(k) > 1 or not ends:
+        return "not along an axis between faces that are coupled to its nodes: write [springs]"
+    for faces in ends:
+        name = "_".join(faces)
+        own, c = _axes(deck, "springs", name, "stiffness", "N/m"), int(components[0]) - 1
+        own[c] = Quantity(own[c].value + float(k[0]), "N/m")
+        if len(faces) > 1:
+            deck.add("springs", name, faces=faces)
+    return None
+
+
+def _mass(deck: Deck, block: DeckKeyword) -> str | None:
+    ends = deck.ends[block.options["ELSET"].upper()]
+    for (face,) in ends:
+        deck.add("masses", face, mass=Quantity(numbers(block)[0], "kg"))
+    return None if ends else "its node is not coupled to a face: write [masses]"
+
+
+def _node_held(deck: Deck, block: DeckKeyword) -> str | None:
+    """D of Ansys; nodes held at zero along x, y or z are groups of the file."""
+    _, _, direction, value, *more = block.rows[0]
+    if any(word and float(word) for word in more):
+        return "more than a node and a direction in one line"
+    taken = direction in ("UX", "UY", "UZ", "ALL") and not float(value or 0)
+    return None if taken else "not a displacement of zero"
+
+
+_READERS: dict[str, dict[str, Reader]] = {
+    ".inp": {
+        "MATERIAL": _begin, "SURFACE INTERACTION": _begin, "CHANGE FRICTION": _begin,
+        **ABAQUS,
+        "SURFACE BEHAVIOR": _behavior, "FRICTION": _friction, "TIE": _pair,
+        "CONTACT PAIR": _pair, "CONTACT": taken, "CONTACT INCLUSIONS": _pair,
+        "CONTACT EXCLUSIONS": _exclusions, "CONTACT PROPERTY ASSIGNMENT": _assignment,
+        "COUPLING": _coupling, "RIGID BODY": _coupling, "KINEMATIC": _kinematic,
+        "DISTRIBUTING": taken, "BOUNDARY": _boundary, "DSLOAD": _pressure, "DLOAD": _pressure,
+        "CLOAD": _force, "MOTION": _motion, "ELEMENT": _element, "SPRING": _spring, "MASS": _mass,
+    },
+    ".cdb": {**ANSYS, "D": _node_held},
+    "": NASTRAN,
+}  # fmt: skip

@@ -1,0 +1,248 @@
+"""Bodies and faces of a mesh file that nobody has named yet: proposals for [mesh.groups].
+
+Bodies that share nodes are one part, each set of cells with a material a layer of it. A set of
+nodes or a surface is a face of each part on whose boundary it lies; a facet has one face at most.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from itertools import combinations, takewhile
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extras.decks.abaqus_scope import find
+from brake_fenicsx.meshing.filemesh import FileMesh
+from brake_fenicsx.meshing.groups import layers_of
+from brake_fenicsx.meshing.rawmesh import RawMesh, cell_facets, facet_keys
+from brake_fenicsx.scene.tables import dotted
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# Names that a program makes, where it has others.
+MADE = re.compile(r"(Volume|Surface|Line)\d+|(.*\.)?_.*|\*.*|D \w+")
+# Facets lie on each other within this share of their side, and face each other by this cosine.
+APART, OPPOSED = 0.1, -0.9
+# Share of a face that lies on another one, from which contact is proposed.
+TOUCHING = 0.3
+
+
+class BoundaryFacets(NamedTuple):
+    """Facets of a part's boundary: their keys, area vectors outwards [m^2] and centres [m]."""
+
+    keys: NDArray[np.uint64]
+    vector: Array
+    centre: Array
+
+    def where(self, which: NDArray[np.bool_]) -> BoundaryFacets:
+        """Some of the facets."""
+        return BoundaryFacets(self.keys[which], self.vector[which], self.centre[which])
+
+    @property
+    def areas(self) -> Array:
+        """Area of each facet [m^2]."""
+        return np.asarray(np.linalg.norm(self.vector, axis=1))
+
+    def text(self) -> str:
+        """Area and mean normal, for a person."""
+        area, mean = self.areas.sum(), self.vector.sum(axis=0)
+        length = np.linalg.norm(mean)
+        middle = 1e3 * np.average(self.centre, axis=0, weights=self.areas)
+        normal, place = (
+            ", ".join(f"{v + 0.0:.4g}" for v in np.round(x, digits))
+            for x, digits in ((mean / (length or 1.0), 2), (middle, 3))
+        )
+        plane = f"normal ({normal})" if length > 0.1 * area else "no common normal"
+        return f"{1e6 * area:.4g} mm^2, {plane}, middle ({place}) mm"
+
+    def lies_on(self, other: BoundaryFacets) -> float:
+        """Share of the area that faces another face without a gap."""
+        side = np.sqrt(other.areas.mean())
+        away, near = cKDTree(other.centre).query(self.centre)
+        n, m = (face.vector / face.areas[:, None] for face in (self, other))
+        height = np.einsum("ij,ij->i", self.centre - other.centre[near], m[near])
+        on = (away < side) & (np.abs(height) < APART * side)
+        on &= np.einsum("ij,ij->i", n, m[near]) < OPPOSED
+        return float(self.areas[on].sum() / self.areas.sum())
+
+
+def clean(name: str) -> str:
+    """A name of a file as one of a scene."""
+    word = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+    return word if word[:1].isalpha() else f"set_{word}"
+
+
+@dataclass(slots=True)
+class FileParts:
+    """Parts, layers and faces of a file, with the lines of [mesh.groups] that name them.
+
+    Attributes:
+        found: the file.
+        mesh: its cells by part and layer, in metres.
+        layers: group of cells -> "part.layer".
+        boundary: of each part.
+        faces: "part.face" -> facets.
+        groups: lines of [mesh.groups] on faces.
+    """
+
+    found: FileMesh
+    mesh: RawMesh
+    layers: dict[str, str]
+    boundary: dict[str, BoundaryFacets]
+    faces: dict[str, BoundaryFacets] = field(default_factory=dict)
+    groups: list[str] = field(default_factory=list)
+    _of: dict[str, tuple[list[str], str]] = field(default_factory=dict)
+
+    def faces_of(self, group: str) -> tuple[list[str], str]:
+        """Names of the faces that a group is, named now if it has none; or why there is none."""
+        if group not in self._of:
+            # A surface of shells may have two sides.
+            every = [group, *(f"{group}.{side}" for side in ("SPOS", "SNEG"))]
+            several = [name for name in every if find(self.found.facet_groups, name)]
+            own = [self._named(name) for name in several or [group]]
+            names = [name for faces, _ in own for name in faces]
+            self._of[group] = names, "" if names else own[0][1]
+        return self._of[group]
+
+    def _named(self, group: str) -> tuple[list[str], str]:
+        surface, nodes = (find(t, group) for t in (self.found.facet_groups, self.found.node_groups))
+        name = surface or nodes
+        if name is None:
+            return [], "no surface or set of nodes"
+        own = self._on_parts(name, surface is not None)
+        if not own:
+            return [], "no facet of a boundary"
+        if any(len(face.keys) == len(self.boundary[part].keys) for part, face in own.items()):
+            return [], "the whole boundary of a part"
+        names: dict[str, BoundaryFacets] = {}
+        for part, face in own.items():
+            same = [n for n, f in self.faces.items() if np.array_equal(f.keys, face.keys)]
+            twice = [n for n, f in self.faces.items() if np.isin(f.keys, face.keys).any()]
+            if twice and not same:
+                return [], f"{face.text()}; shares facets with {twice[0]}"
+            stem = clean(name).removeprefix(f"{part}_") or "face"
+            tries = [f"{part}.{stem}{k or ''}" for k in (0, *range(2, 99))]
+            names[same[0] if same else next(n for n in tries if n not in self.faces)] = face
+        if not names.keys() <= self.faces.keys():
+            kind = "facets" if surface else "nodes"
+            sure = find(self.found.cell_groups, name) is None
+            key = dotted(name if sure else f"{kind}:{name}")
+            value = json.dumps(next(iter(names)) if len(names) == 1 else [*names])
+            texts = "; ".join(face.text() for face in names.values())
+            self.groups.append(f"{key} = {value}   # {texts}")
+            self.faces |= names
+        return [*names], ""
+
+    def _on_parts(self, name: str, surface: bool) -> dict[str, BoundaryFacets]:
+        """Facets of a surface, or with all corners in a set of nodes, on the boundaries."""
+        table = cell_facets(self.mesh)
+        if surface:
+            facets = self.found.facet_groups[name]
+            if facets.shape[1] != table.shape[2]:
+                return {}
+        else:
+            corners = np.isin(np.arange(len(self.found.points)), self.found.node_groups[name])
+            facets = table[corners[table].all(axis=2)]
+        wanted = facet_keys(facets)
+        own = {p: face.where(np.isin(face.keys, wanted)) for p, face in self.boundary.items()}
+        own = {part: face for part, face in own.items() if len(face.keys)}
+        inside = sum(len(face.keys) for face in own.values())
+        return {} if surface and inside < np.unique(wanted).size else own
+
+    def parts_with(self, nodes: Ints) -> set[str]:
+        """Parts that have some of the nodes."""
+        return {
+            p for p in self.boundary if np.isin(self.mesh.cells[self.mesh.part(p)], nodes).any()
+        }
+
+    def touching(self) -> list[tuple[str, str]]:
+        """Faces of different parts that lie on each other."""
+        pairs = combinations(self.faces, 2)
+        apart = ((a, b) for a, b in pairs if a.partition(".")[0] != b.partition(".")[0])
+        return [pair for pair in apart if self.overlap(*pair) > TOUCHING]
+
+    def overlap(self, first: str, second: str) -> float:
+        """Share of a face that lies on another one, of the smaller face."""
+        one, other = self.faces[first], self.faces[second]
+        return max(one.lies_on(other), other.lies_on(one))
+
+
+def bodies_of(found: FileMesh, sections: Iterable[str], metres: float) -> FileParts:
+    """Parts and layers of a file.
+
+    Args:
+        found: the file.
+        sections: groups of cells that have a material.
+        metres: its unit of length [m].
+
+    Raises:
+        SceneError: the file names no cells.
+    """
+    groups = [name for name in sections if name in found.cell_groups] or _partition(found)
+    if not groups:
+        raise SceneError(f"no set of cells; write one for each part and layer{found.advice}")
+    layers = _layer_names(found, groups)
+    kinds = {group: ("cells", group) for group in groups}
+    mesh = layers_of(found, metres * found.points, found.cells, dict(layers), kinds)
+    return FileParts(found, mesh, layers, {part: _boundary(mesh, part) for part in mesh.parts()})
+
+
+def _partition(found: FileMesh) -> list[str]:
+    """Sets of cells that do not overlap: the small ones, or the large ones if they hold more."""
+    best: tuple[int, list[str]] = (0, [])
+    named = [name for name in found.cell_groups if not MADE.fullmatch(name)]
+    for names, sign in ((named, 1), (named, -1), ([*found.cell_groups], 1)):
+        free, taken = np.ones(len(found.cells), dtype=bool), []
+        for name in sorted(names, key=lambda name: sign * len(found.cell_groups[name])):
+            if free[found.cell_groups[name]].all():
+                free[found.cell_groups[name]] = False
+                taken.append(name)
+        best = max(best, (int(np.count_nonzero(~free)), taken), key=lambda one: one[0])
+    return [name for name in found.cell_groups if name in best[1]]
+
+
+def _layer_names(found: FileMesh, groups: list[str]) -> dict[str, str]:
+    """Group -> "part.layer"; groups whose cells share nodes are layers of one part."""
+    rows = [np.unique(found.cells[found.cell_groups[group]]) for group in groups]
+    ends = np.cumsum([0, *map(len, rows)])
+    shape = len(rows), len(found.points)
+    on = sp.csr_matrix((np.ones(ends[-1]), np.concatenate(rows), ends), shape)
+    _, label = sp.csgraph.connected_components(on @ on.T, directed=False)
+    names: dict[str, str] = {}
+    for number in dict.fromkeys(label.tolist()):
+        mine = [g for g, n in zip(groups, label, strict=True) if n == number]
+        own = [clean(group) for group in mine]
+        words = zip(*(name.split("_") for name in own), strict=False)
+        part = "_".join(w[0] for w in takewhile(lambda w: len({*w}) == 1, words)) or own[0]
+        owner = mine[0].rpartition(".")[0]
+        part = re.sub(r"(?<=.)_(body|solid)$", "", part)
+        part = clean(owner) if owner in found.instances else part
+        parts = {target.partition(".")[0] for target in names.values()}
+        part = next(n for n in (part, *(f"{part}_{k}" for k in range(2, 99))) if n not in parts)
+        layers = [name.removeprefix(f"{part}_") for name in own] if len(own) > 1 else ["body"]
+        names |= {g: f"{part}.{layer}" for g, layer in zip(mine, layers, strict=True)}
+    return {group: names[group] for group in groups}
+
+
+def _boundary(mesh: RawMesh, part: str) -> BoundaryFacets:
+    """Boundary facets of a part."""
+    table = cell_facets(mesh, mesh.part(part))
+    facets = table.reshape(-1, table.shape[2])
+    keys = facet_keys(facets)
+    _, first, count = np.unique(keys, return_index=True, return_counts=True)
+    own = np.sort(first[count == 1])
+    x = mesh.points[facets[own]]
+    # Half the product of the diagonals of a quadrilateral, of two sides of a triangle.
+    vector = 0.5 * np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
+    inside = mesh.points[mesh.corners[mesh.part(part)][own // table.shape[1]]].mean(axis=1)
+    outwards = np.einsum("ij,ij->i", vector, x.mean(axis=1) - inside)
+    return BoundaryFacets(keys[own], vector * np.sign(outwards)[:, None], x.mean(axis=1))

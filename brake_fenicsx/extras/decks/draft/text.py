@@ -1,0 +1,286 @@
+"""A first scene of a mesh file: what the file says, with proposals where it says nothing.
+
+Comments say what was guessed or proposed, and name every keyword that was not taken over.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extras.decks.abaqus_scope import find
+from brake_fenicsx.meshing.filemesh import NO_CELLS, DeckKeyword, FileMesh
+from brake_fenicsx.meshing.meshfile import read_mesh_file
+from brake_fenicsx.scene.tables import dotted
+from brake_fenicsx.scene.units import several
+
+from .deck import read_deck
+from .faces import MADE, bodies_of, clean
+from .motion import moving_part, proposed_motion
+from .shells import solid_shells
+from .statements import Deck, Quantity
+from .units import guessed_units, moduli, si, toml
+from .written import write_abaqus
+
+# Section in whose place a keyword is named, by its start, of short ones whole; [ties] for others.
+_PLACES = {
+    "mesh": ("STEP", "STATIC", "GRID", "GRDSET", "TRANSFORM"),
+    "contact": ("CONTACT", "BCT", "BCON", "FRICTION", "CHANGE", "SURFACE", "CLEARANCE", "MODEL",
+                "GAP"),
+    "materials": ("ELASTIC", "DAMPING", "DENSITY", "MAT", "MP", "MPDATA", "TB", "EXPANSION",
+                  "PLASTIC"),
+    "parts": ("SOLID", "SHELL", "ELEMENT", "PSOLID", "PSHELL", "PCOMP"),
+    "supports": ("BOUNDARY", "SPC", "BASE", "D"),
+    "loads": ("CLOAD", "DLOAD", "DSLOAD", "FORCE", "MOMENT", "PLOAD", "F", "SF", "SFE", "TEMP",
+              "GRAV"),
+    "motion": ("MOTION",), "springs": ("SPRING", "DASHPOT", "CONNECTOR", "CELAS", "CBUSH"),
+    "masses": ("MASS", "CONM"), "stability": ("FREQUENCY", "COMPLEX"),
+}  # fmt: skip
+# Sections about faces, and all in their order.
+_ON_FACES = ("contact", "ties", "supports", "loads", "springs", "masses")
+_ORDER = ("mesh", "mesh.groups", "parts", "materials", *_ON_FACES, "motion", "stability")
+# A stiff penalty, friction, and faces that do not slide.
+_SLIDES = {"law": {"linear": "2e13 Pa/m"}, "friction": 0.4}
+_STUCK = {"law": _SLIDES["law"], "slip": "stuck", "tangential_stiffness": "1e12 Pa/m"}
+_MISSING = '{ model = "isotropic", E = "207 GPa", nu = 0.28, rho = "7820 kg/m^3" }'
+_HEAD = """\
+# Written by brake-fenicsx init; comments say what is guessed or proposed, and what of the file is
+# not taken over.{}
+stages = {}
+"""
+_BAND = "5 kHz"
+
+
+def write_scene(
+    deck: Path, scene: Path, units: Sequence[str] | None = None, solid: bool = False
+) -> str:
+    """Write a first scene of a mesh file.
+
+    Args:
+        deck: the mesh file.
+        scene: the scene to write.
+        units: units of length, mass and time of the file; guessed if None.
+        solid: shells become layers of solids, in a mesh file beside the scene.
+
+    Returns:
+        What was written, in one line.
+
+    Raises:
+        SceneError: the file cannot be read, the units are unknown, or the scene is there already.
+    """
+    if deck.suffix == ".toml":
+        raise SceneError(f"{deck}: is a scene; give the mesh file that it is to be of")
+    mesh = scene.with_name(f"{scene.stem}_solid.inp") if solid else deck
+    for file in (scene, mesh)[: 1 + solid]:
+        if file.exists():
+            raise SceneError(f"{file}: is there already; name another file with -o")
+    try:
+        found = read_mesh_file(deck)
+        read = read_deck(found, deck.suffix, solid)
+        if solid:
+            found = solid_shells(found, read.shells)
+        if not len(found.cells):
+            raise SceneError(NO_CELLS)
+        draft = Draft(found, read, units)
+        text = draft.scene(os.path.relpath(mesh, scene.parent))
+    except SceneError as error:
+        raise SceneError(f"{deck}: {error}") from None
+    if solid:
+        write_abaqus(found, mesh)
+    scene.write_text(text)
+    faces, left = len(draft.bodies.faces), text.count("# not taken over:")
+    made = f" and {mesh}" * solid
+    said = f"{several(len(draft.bodies.boundary), 'part')}, {several(faces, 'face')}"
+    return f"wrote {scene}{made}: {said}, {several(left, 'remark')} on what is not taken over"
+
+
+class Draft:
+    """Lines of a scene, section by section.
+
+    Attributes:
+        lines: section -> its lines.
+        bodies: parts and faces of the file.
+        units: of length, mass and time.
+        parts: part -> layer -> material.
+    """
+
+    def __init__(self, found: FileMesh, deck: Deck, units: Sequence[str] | None):
+        self.found, self.deck = found, deck
+        self.units, self.why = (" ".join(units), "") if units else guessed_units(found, deck)
+        self.lines: dict[str, list[str]] = defaultdict(list)
+        self.bodies = bodies_of(found, deck.sections, si(Quantity(1.0, "m"), self.units))
+        self.parts: dict[str, dict[str, str]] = defaultdict(dict)
+        for group, target in self.bodies.layers.items():
+            part, _, layer = target.partition(".")
+            name = deck.sections.get(group, clean(group))
+            self.parts[part][layer] = find(deck.tables["materials"], name) or name
+
+    def scene(self, file: str) -> str:
+        """The whole text.
+
+        Args:
+            file: path of the mesh file, from the folder of the scene.
+        """
+        placed = {section: self._placed(section) for section in _ON_FACES}
+        groups = (*self.found.facet_groups, *self.found.node_groups)
+        for group in [name for name in groups if not MADE.fullmatch(name)] or groups:
+            if ";" in (why := self.bodies.faces_of(group)[1]):  # it has an area
+                self.bodies.groups.append(f"# {json.dumps(group)}: {why}")
+        self._write("mesh", {"file": file})
+        said = f"of {self.units}{self.why and ', guessed from ' + self.why}"
+        self._write("mesh", {"unit": self.units.split()[0]}, said)
+        for group, target in self.bodies.layers.items():
+            cells = several(len(self.found.cell_groups[group]), "cell")
+            self._write("mesh.groups", {group: target}, cells)
+        self.lines["mesh.groups"] += self.bodies.groups
+        self._parts()
+        tied = {face for tie in placed["ties"].values() for face in tie["faces"]}
+        self._contact(placed.pop("contact"), tied)
+        for section, table in placed.items():
+            self._write(section, table)
+        stages = ["equilibrium", "stability", "report"] if self.lines["stability"] else []
+        self._unread()
+        step = self.found.step and f"\n# The scene is of {self.found.step}."
+        text = [_HEAD.format(step, json.dumps(stages))]
+        for name in _ORDER:
+            lines = self.lines[name]
+            text += [f"[{name}]", *lines, ""] if lines else []
+        return "\n".join(text)
+
+    def _write(self, section: str, table: dict[str, Any], comment: str = "") -> None:
+        for key, value in table.items():
+            more = f"   # {comment}" if comment else ""
+            self.lines[section].append(f"{dotted(key)} = {toml(value, self.units)}{more}")
+
+    def _lost(self, section: str, text: str) -> None:
+        self.lines[section].append(f"# not taken over: {text}")
+
+    def _placed(self, section: str) -> dict[str, Any]:
+        """The tables of a section, on faces of the scene."""
+        placed: dict[str, Any] = {}
+        for name, keys in self.deck.tables[section].items():
+            groups = keys.get("faces", [name])
+            each = []
+            for group in groups:
+                faces, why = self.bodies.faces_of(group)
+                each.append(faces)
+                if why:
+                    self._lost(section, f"{json.dumps(group)}: {why}")
+            pairs = [[*pair] for pair in product(*each)]
+            if len(pairs) > 1 and len(groups) > 1:
+                pairs = [pair for pair in pairs if self.bodies.overlap(*pair)]
+                if not pairs:
+                    self._lost(section, f"{name}: its faces do not lie on each other")
+            elif len(pairs) > 1 and not {"along", "pressure"} & {*keys}:
+                self._lost(section, f"{name}: of {', '.join(each[0])} together")
+                continue
+            for k, pair in enumerate(pairs):
+                if len(groups) > 1:
+                    placed[f"{clean(name)}{k + 1 if k else ''}"] = keys | {"faces": pair}
+                elif section == "supports":
+                    before = placed.get(pair[0], "")
+                    before = "xyz" if before == "clamped" else before
+                    held = sorted({*before, *keys["along"]} & {*"xyz"})
+                    placed[pair[0]] = "clamped" if len(held) == 3 else held
+                elif section == "loads" and (before := placed.get(pair[0])):
+                    both = " and ".join({**before, **keys})
+                    self._lost(section, f"{name}: {both} twice on {pair[0]}: write their sum")
+                else:
+                    placed[pair[0]] = placed.get(pair[0], {}) | keys
+        return placed
+
+    def _parts(self) -> None:
+        """Parts and materials; a material that the file does not have is a comment."""
+        said = {block.options.get("TYPE", "").upper() for block in self.deck.mesh.blocks}
+        for kind, count in self.found.elements.items():
+            if kind not in said:  # whose keywords are named
+                self._lost("parts", f"{count} {kind} elements")
+        left = len(self.found.cells) - len(self.bodies.mesh.cells)
+        if left:
+            self._lost("parts", f"{several(left, 'cell')} without a material or a set")
+        for part, layers in self.parts.items():
+            names = [*dict.fromkeys(layers.values())]
+            value = {"material": names[0] if len(names) == 1 else layers}
+            comment = "layers share nodes; faces that slide need [mesh.split]"
+            self._write("parts", {part: value}, comment if len(layers) > 1 else "")
+        for name in dict.fromkeys(m for layers in self.parts.values() for m in layers.values()):
+            own = self.deck.tables["materials"].get(name, {})
+            if "model" in own:
+                self._write("materials", {name: own})
+            else:
+                self.lines["materials"].append(f"# missing: {dotted(name)} = {_MISSING}")
+
+    def _contact(self, own: dict[str, Any], tied: set[str]) -> None:
+        """Contact with the moving part second, and what follows from it."""
+        proposed = dict[str, Any]()
+        if not own or self.deck.general:
+            known = [{*keys["faces"]} for keys in own.values()]
+            for pair in self.deck.apart:
+                first, second = (self.bodies.faces_of(name)[0] for name in pair)
+                known += [{a, b} for a in first for b in second]
+                self.lines["contact"].append(f"# out of contact: {', '.join(pair)}")
+            free = [pair for pair in self.bodies.touching() if not tied & {*pair}]
+            proposed = {"_".join(p): {"faces": [*p]} for p in free if {*p} not in known}
+        touching = sorted({f for keys in (own | proposed).values() for f in keys["faces"]})
+        if not touching:
+            return
+        materials = self.deck.tables["materials"]
+        own_tables = {p: [materials.get(m, {}) for m in v.values()] for p, v in self.parts.items()}
+        stiff = {part: max([0.0, *moduli(tables)]) for part, tables in own_tables.items()}
+        moving, motion, count = moving_part(self.bodies, touching, stiff), None, Counter[str]()
+        if self.deck.motion:
+            name, motion = self.deck.motion
+            parts = self.bodies.parts_with(self.deck.nodes(name)) & {*map(_part, touching)}
+            moving = parts.pop() if len(parts) == 1 else moving
+        for key, keys in (own | proposed).items():
+            faces = sorted(keys["faces"], key=lambda face: _part(face) == moving)
+            both = "_".join(map(_part, faces))
+            number = f"_{count[both]}" if count[both] else ""
+            count[both] += 1
+            law = self.deck.laws.get((keys.get("interaction") or self.deck.interaction).upper(), {})
+            slides = _part(faces[1]) == moving and "slip" not in law
+            guess = _SLIDES if slides else _STUCK
+            given = {name: law.get(name, value) for name, value in guess.items()}
+            words = ["the faces touch; glued ones are [ties]"] if key in proposed else []
+            words += [name for name in guess if name not in law]
+            comment = f"proposed: {', '.join(words)}" if words else ""
+            self._write("contact", {f"{both}{number}": {"faces": faces, **given}}, comment)
+        said = proposed_motion(self.bodies, moving, touching)
+        self._write("motion", *((motion, "") if motion else said))
+        self._stability()
+
+    def _stability(self) -> None:
+        """The band that the file asks modes of, and loss factors if a material has one."""
+        low, high = self.found.band or (0.0, 0.0)
+        band = [Quantity(low, "Hz") if low else "0 Hz", Quantity(high, "Hz") if high else _BAND]
+        self._write("stability", {"band": band}, "" if high else "proposed")
+        self._write("stability", {"method": "reduced"}, "proposed")
+        used = [m for layers in self.parts.values() for m in layers.values()]
+        if any("loss" in self.deck.tables["materials"].get(name, {}) for name in used):
+            middle = Quantity(0.5 * high, "Hz") if high else "2.5 kHz"
+            damping = {"loss": True, "omega_ref": middle}
+            self._write("stability", {"damping": damping}, "proposed: omega_ref, of the loss")
+
+    def _unread(self) -> None:
+        """Put keywords that were not taken over in their places."""
+        same: dict[tuple[str, str], list[DeckKeyword]] = defaultdict(list)
+        for block, why in self.deck.unread:
+            same[block.keyword, why].append(block)
+        for (word, why), (first, *more) in same.items():
+            said = f"{first.said} ({first.at}{f' and {len(more)} more' if more else ''})"
+            places = (
+                p for p, starts in _PLACES.items()
+                if word in starts or word.startswith(tuple(s for s in starts if len(s) > 2))
+            )  # fmt: skip
+            place = next(places, "ties")
+            self._lost(place, f"{said}{why and ': ' + why}")
+
+
+def _part(face: str) -> str:
+    return face.partition(".")[0]

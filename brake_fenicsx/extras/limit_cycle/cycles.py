@@ -1,0 +1,84 @@
+"""Limit cycles of a study's samples: what the scene and its samples say to ``limit_cycle``."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.extras.limit_cycle.contact_forces import PeriodForces
+from brake_fenicsx.extras.limit_cycle.sample import Faces, SampleCycles, Settings, cycles_of_modes
+from brake_fenicsx.extras.limit_cycle.sound import nodes_of
+from brake_fenicsx.macro.equilibrium import Equilibrium
+from brake_fenicsx.samples.models import Models
+from brake_fenicsx.samples.sampling import friction_law
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.friction import PERFECT
+from brake_fenicsx.stability.modes import Modes
+
+if TYPE_CHECKING:
+    from brake_fenicsx.samples.sampling import Sample
+
+
+class Cycles:
+    """Limit cycles of any sample of a scene."""
+
+    def __init__(self, scene: Scene, models: Models):
+        """Gather the faces whose motion is measured."""
+        table, brake = scene.limit_cycle, models.brake
+        if table is None:
+            raise ValueError("a scene without [limit_cycle]")
+        pairs = [contact.faces for contact in scene.contact.values()]
+        disc = table.radiating or tuple(dict.fromkeys(faces[1] for faces in pairs))
+        pads = tuple(dict.fromkeys(faces[0] for faces in pairs))
+        nodes = partial(nodes_of, brake.mesh, brake.elastic.free)
+        self._scene, self._models, self._faces = scene, models, Faces(nodes(disc), nodes(pads))
+        threshold = models.stability.threshold if models.stability else 0.0
+        self._settings = Settings(
+            table.harmonics, table.points, table.largest, table.damping_below, threshold
+        )
+
+    def of(
+        self,
+        sample: Sample,
+        eq: Equilibrium,
+        modes: Modes,
+        partner: NDArray[np.intp],
+        reduced: bool,
+    ) -> dict[str, Any]:
+        """Limit cycles of a sample's growing modes, as arrays to store; see ``cycles_of_modes``.
+
+        Args:
+            sample: its inputs.
+            eq: its equilibrium.
+            modes: its modes.
+            partner: flutter partner of each; not used.
+            reduced: whether they are those of the reduced model.
+
+        Raises:
+            InaccurateResult: they are not.
+        """
+        if not reduced:
+            raise InaccurateResult("a sample at full order has none: they are of the reduced model")
+        cycles, slip = self.sample(sample, eq), sample.brake.contact.T
+        return cycles_of_modes(cycles, modes, self._settings, self._faces, slip)
+
+    def sample(self, sample: Sample, eq: Equilibrium) -> SampleCycles:
+        """The equations of a sample; arguments as above."""
+        reduction, scene, approach = self._models.reduction, self._scene, sample.approach
+        model, interface = reduction.of(sample), sample.brake.contact.interface
+        tables = list(scene.contact.items())
+        hard = scene.micro is not None and scene.micro.hardness is not None
+        yields = np.array([
+            hard and table.law == "library" and approach not in PERFECT for _, table in tables
+        ])  # fmt: skip
+        followed, given = model.rows.followed, (sample.brake.contact, approach, sample.values)
+        forces = PeriodForces(
+            sample.laws, yields[interface], sample.brake.contact.w, eq.g, sample.friction,
+            followed, friction_law(*given) if "T" in followed else None,
+        )  # fmt: skip
+        damped = reduction.damped(approach)
+        return SampleCycles(model, sample.brake.point, forces, eq.p > 0, damped)

@@ -1,0 +1,190 @@
+"""A modal test in a universal file: nodes (datasets 15, 2411), axes (18, 2420), units, modes.
+
+A direction of a point counts as measured where any mode has a displacement other than zero in it.
+Directions are those of the point's displacement coordinate system, Cartesian or cylindrical.
+
+Reference: Structural Dynamics Research Laboratory, University of Cincinnati, Universal File Formats
+for Modal Analysis Testing, https://www.ceas3.uc.edu/sdrluff/.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extras.measured.universal import universal_files
+from brake_fenicsx.folder.arrays import reading
+
+from .mode_sets import Mode, read_mode_sets
+
+Array = NDArray[np.float64]
+
+NODES, SYSTEMS, UNITS = (15, 2411), (18, 2420), 164
+CYLINDRICAL, SPHERICAL = 1, 2
+
+
+@dataclass(frozen=True, slots=True)
+class ModalTest:
+    """Modes of a test, by frequency.
+
+    Attributes:
+        file: the universal file.
+        label: number of each point, shape (points,).
+        points: positions [m], shape (points, 3).
+        axes: the three directions of each point as rows, shape (points, 3, 3).
+        seen: which directions were measured, shape (points, 3).
+        frequency: shape (modes,) [Hz].
+        damping: modal damping ratio of each [-].
+        shapes: displacements along the axes, shape (modes, points, 3).
+    """
+
+    file: Path
+    label: NDArray[np.intp]
+    points: Array
+    axes: Array
+    seen: NDArray[np.bool_]
+    frequency: Array
+    damping: Array
+    shapes: NDArray[np.complex128]
+
+
+def read_modes(path: str | Path) -> ModalTest:
+    """Read the modes of a test with their shapes.
+
+    Args:
+        path: the universal file.
+
+    Raises:
+        SceneError: the file, what it lacks, and the remedy.
+    """
+    file = Path(path)
+    sets = read_sets(file, (*NODES, *SYSTEMS, UNITS))
+    modes = modes_of(file, sets)
+    if not set(NODES) & {d["type"] for d in sets}:
+        raise SceneError(
+            f"{file}: contains no nodes (dataset 15 or 2411); export the geometry of the test too"
+        )
+    place = _nodes(file, sets)
+    labels = sorted(set[int].intersection(*({*mode.shape} for mode in modes)))
+    without = [n for n in labels if n not in place]
+    if without or not labels:
+        lost = f"node {without[0]} of the modes has no position" if without else "no node is common"
+        raise SceneError(f"{file}: dataset 55: {lost}; export the geometry of all measured points")
+    shapes = np.array([[mode.shape[n][:3] for n in labels] for mode in modes])
+    if not np.isfinite(shapes).all() or not np.any(shapes, axis=(1, 2)).all():
+        raise SceneError(f"{file}: dataset 55: a mode is zero or not finite; export it again")
+    points, axes = (np.array(of) for of in zip(*(place[n] for n in labels), strict=True))
+    s = np.array([mode.s for mode in modes])
+    return ModalTest(
+        file, np.array(labels), points, axes, np.any(shapes != 0, axis=0), s.imag / (2 * np.pi),
+        -s.real / np.abs(s), shapes,
+    )  # fmt: skip
+
+
+def read_sets(file: Path, kinds: Collection[int]) -> list[dict[str, Any]]:
+    """Datasets of a universal file; those of other kinds by their number alone.
+
+    Raises:
+        SceneError: the file is missing or no universal file.
+    """
+    pyuff = universal_files("a test in a universal file")
+    with reading(file, "as a universal file by pyuff"):
+        read = pyuff.UFF(str(file))
+        return [
+            read.read_sets(i) if kind in kinds else {"type": int(kind)}
+            for i, kind in enumerate(read.get_set_types())
+        ]
+
+
+def modes_of(file: Path, sets: list[dict[str, Any]]) -> list[Mode]:
+    """Modes of a universal file, by frequency.
+
+    Args:
+        file: the file.
+        sets: its datasets, to say what it holds instead.
+
+    Raises:
+        SceneError: there is none.
+    """
+    modes = read_mode_sets(file)
+    if not modes:
+        kinds = dict.fromkeys(str(d["type"]) for d in sets)
+        raise SceneError(
+            f"{file}: contains no modes (dataset 55, normal or complex) but"
+            f" {', '.join(kinds) or 'no dataset at all'}; export nodes and modes; of frequency"
+            " responses (58) identify the modes first, in the test software or with sdypy-EMA"
+        )
+    return modes
+
+
+def _systems(
+    file: Path, sets: list[dict[str, Any]], scale: float
+) -> dict[int, tuple[int, Array, Array]]:
+    """Kind, axes as rows and origin [m] of every coordinate system; 0 is the global one.
+
+    So is 1 where the file defines none: gmsh, Salome and others write it so.
+    """
+    world = (0, np.eye(3), np.zeros(3))
+    found: dict[int, tuple[int, Array, Array]] = {0: world}
+    if not any(s["type"] in (18, 2420) for s in sets):
+        found[1] = world
+    for s in sets:
+        if s["type"] == 2420:
+            for n, kind, T in zip(s["CS_sys_labels"], s["CS_types"], s["CS_matrices"], strict=True):
+                found[n] = (kind, T[:3], T[3] * scale)
+        elif s["type"] == 18:
+            for i, n in enumerate(s["cs_num"]):
+                if s["ref_cs_num"][i]:
+                    raise SceneError(
+                        f"{file}: dataset 18: system {n:.0f} refers to another one; export"
+                        " coordinate systems in global coordinates"
+                    )
+                x, inside = (s[k][i] - s["ref_o"][i] for k in ("x_point", "xz_point"))
+                y = np.cross(inside, x)
+                rows = np.array([x, y, np.cross(x, y)])
+                length = np.linalg.norm(rows, axis=1, keepdims=True)
+                found[int(n)] = (int(s["cs_type"][i]), rows / length, s["ref_o"][i] * scale)
+    return found
+
+
+def _nodes(file: Path, sets: list[dict[str, Any]]) -> dict[int, tuple[Array, Array]]:
+    """Position [m] and displacement axes, as rows, of every node.
+
+    Dataset 15 has coordinates in the definition system, 2411 in global axes.
+    """
+    scale = next((1 / s["length"] for s in sets if s["type"] == UNITS), 1.0)
+    systems = _systems(file, sets, scale)
+    place = {}
+    for s in (s for s in sets if s["type"] in NODES):
+        for i, label in enumerate(s["node_nums"]):
+            n, x = int(label), np.array([s[c][i] for c in "xyz"])
+            own, shown = int(s["def_cs"][i]) if s["type"] == 15 else 0, int(s["disp_cs"][i])
+            for used in {own, shown}:
+                if systems.get(used, (SPHERICAL,))[0] >= SPHERICAL:
+                    raise SceneError(
+                        f"{file}: node {n}: coordinate system {used} is missing or neither"
+                        " Cartesian nor cylindrical; export the nodes in global coordinates"
+                    )
+            kind, rows, origin = systems[own]
+            if kind == CYLINDRICAL:
+                angle = np.radians(x[1])
+                x = np.array([x[0] * np.cos(angle), x[0] * np.sin(angle), x[2]])
+            x = origin + scale * x @ rows
+            place[n] = x, _axes(systems[shown], x)
+    return place
+
+
+def _axes(system: tuple[int, Array, Array], x: Array) -> Array:
+    """Directions of a coordinate system at a point, as rows."""
+    kind, rows, origin = system
+    if kind != CYLINDRICAL:
+        return rows
+    radial = rows[:2] @ (x - origin)
+    c, s = radial / max(float(np.linalg.norm(radial)), 1e-300)
+    return np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ rows

@@ -1,0 +1,283 @@
+"""What would stop the squeal: the smallest change of each countermeasure, verified by a run.
+
+The worst family of the rough samples is the one that squeals in most of them. A change is enough
+where it squeals in so few that, with 95 % confidence, it does in at most 5 % of all.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from mpi4py import MPI
+
+import numpy as np
+
+from brake_fenicsx.build.brake import check_brake
+from brake_fenicsx.build.values import Values
+from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+from brake_fenicsx.extras.variants.countermeasure_keys import Countermeasure
+from brake_fenicsx.folder.files import digest
+from brake_fenicsx.folder.log import logger
+from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.store import Store
+from brake_fenicsx.model import Model, prepare
+from brake_fenicsx.results.run import read_run
+from brake_fenicsx.results.statistics import Proportion, wilson
+from brake_fenicsx.results.tables import Value
+from brake_fenicsx.samples.inputs import check_values, law_factor, law_material, scaled_interfaces
+from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene.digest import result_digest
+from brake_fenicsx.scene.samples import ROUGH, is_constant, split_key
+from brake_fenicsx.scene.scalars import changes_bodies
+from brake_fenicsx.scene.units import quantity_text
+
+from .comparison import compare_runs, write_comparison
+from .countermeasures_page import COLUMNS, write_countermeasures
+from .runs import Runs
+from .trial import MOST, Trial, Worst, enough, smallest_change, worst_family
+
+# Values tried from the scene's one outward, and accuracy of the smallest change relative to the
+# whole range.
+STEPS, ACCURACY = 8, 0.01
+OUTCOMES = "outcomes.json"
+T = TypeVar("T")
+
+
+class Search:
+    """Countermeasures of a scene: its runs and trials, and what is known so far.
+
+    Attributes:
+        scene: the scene.
+        runs: the runs that verify.
+        approach: rough approach whose samples are looked at.
+        found: first-order effect and smallest change of each countermeasure, by its key.
+    """
+
+    def __init__(
+        self, scene: str | Path, comm: MPI.Comm, folder: Path, overrides: Sequence[str],
+        cache: str | Path | None,
+    ):  # fmt: skip
+        """Read the scene and what an earlier call found; nothing is written.
+
+        Raises:
+            SceneError: the scene is wrong or names no countermeasures, or the folder holds others.
+        """
+        self.scene = read_scene(scene, overrides)
+        self.runs = Runs(scene, comm, folder, [*overrides, "countermeasures=[]"], cache)
+        self._latest: tuple[dict[str, list[float]], Model] | None = None
+        named = self.scene.countermeasures
+        if not named:
+            raise SceneError(
+                f"{self.scene.file}: countermeasures: there are none; write [[countermeasures]]"
+                ' with key = "contact.NAME.friction" and to = 0.3, for example'
+            )
+        for c in named:
+            try:
+                check_brake(self.runs.read(self.changes(c, c.stop)), comm)
+            except SceneError as error:
+                raise SceneError(f"{error} (countermeasures.key = {c.key!r}, to)") from None
+        samples, stability = self.scene.samples, self.scene.stability
+        self.approach = next(a for a in ROUGH if a in samples.approaches)
+        about = [
+            self.approach, samples.plan(self.approach).n,
+            stability.threshold if stability else 0.0,
+        ]  # fmt: skip
+        ends = [[c.key, c.start, c.stop] for c in named]
+        self._mark = digest([result_digest(self.scene), *about, ends])
+        self.found: dict[str, dict[str, Any]] = on_first(self._stored, comm)
+
+    def _stored(self) -> dict[str, dict[str, Any]]:
+        folder, remedy = self.runs.folder, "choose another folder with -o"
+        path = folder / OUTCOMES
+        if not path.is_file():
+            there = {p.name for p in folder.glob("[!.]*")}
+            if there and "before" not in there:
+                raise SceneError(
+                    f"-o {folder}: contains {min(there)!r} and no countermeasures; {remedy}"
+                )
+            return {}
+        try:
+            stored = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError:
+            raise SceneError(f"{path}: damaged; remove it, and the search begins again") from None
+        if stored["mark"] != self._mark:
+            raise SceneError(
+                f"-o {folder}: contains countermeasures of another scene or others of this one;"
+                f" {remedy}"
+            )
+        return dict(stored["found"])
+
+    def keep(self, c: Countermeasure, **found: Any) -> None:
+        """Store what is known of a countermeasure."""
+        self.found[c.key] = found
+        if self.runs.comm.rank == 0:
+            content = {"mark": self._mark, "found": self.found}
+            Store(self.runs.folder).save_json(OUTCOMES, content)
+
+    def changes(self, c: Countermeasure, x: float) -> list[str]:
+        """Replacements that give the scene another value; computed laws follow a modulus.
+
+        Raises:
+            SceneError: they are those of several materials.
+        """
+        scene, out = self.scene, [c.override(self.scene, x)]
+        names = scaled_interfaces(scene) if is_constant(c.key) and scene.micro else []
+        behind = {law_material(scene, name) for name in names}
+        if split_key(c.key)[1] in behind and scene.micro:
+            if len(behind) > 1:
+                raise SceneError(
+                    f"{scene.file}: [micro] is of {' and '.join(sorted(behind))}, and follows none"
+                    " of them alone; run both scenes and use brake-fenicsx compare"
+                )
+            stiffer = Values(scene, {c.key: x})
+            check_values(ROUGH[0], stiffer)
+            factor = law_factor(names[0], stiffer)
+            given = {"E": scene.micro.E, "hardness": scene.micro.hardness}
+            out += [f'micro.{n}="{v * factor!r} Pa"' for n, v in given.items() if v is not None]
+        return out
+
+    def _trial(self, c: Countermeasure, worst: Worst) -> Trial:
+        """Samples of a brake that is prepared for all values of a number; collective."""
+        ranges = {c.key: [c.start, c.stop]} if changes_bodies(self.scene, c.key) else {}
+        if self._latest is None or self._latest[0] != ranges:
+            self.release()
+            runs = self.runs
+            folder = runs.folder / "models" / digest(ranges)[:12]
+            model = prepare(runs.file, runs.overrides, folder, runs.cache, ranges, runs.comm)
+            self._latest = ranges, model
+        return Trial(self._latest[1].study, worst, self.runs.comm, c.key)
+
+    def release(self) -> None:
+        """Let the brake leave the memory, on all processes together as MPI asks for; collective."""
+        self._latest = None
+        gc.collect()
+        self.runs.comm.Barrier()
+
+    def _outcomes(self, c: Countermeasure, trial: Trial, x: float) -> Iterable[bool]:
+        logger.info("%s = %s: samples ...", c.key, quantity_text(x, c.unit))
+        return trial.outcomes(x)
+
+    def search(self, c: Countermeasure, worst: Worst) -> None:
+        """Find the first-order effect and the smallest change of a number; collective."""
+        trial, note = _or_note(partial(self._trial, c, worst))
+        effect = change = None
+        if trial is not None:
+            ends, n = (c.start, c.stop), len(worst.samples)
+            slope = partial(trial.slope, *ends)
+            effect, note = _or_note(partial(on_first, slope, self.runs.comm))
+            outcomes = partial(self._outcomes, c, trial)
+            if not note:
+                found = partial(smallest_change, outcomes, ends, n, STEPS, ACCURACY)
+                change, note = _or_note(found)
+        share = None if change is None else [change.share.hits, change.share.n]
+        self.keep(c, first_order=effect, value=change and change.value, share=share, note=note)
+
+
+def find_countermeasures(
+    scene: str | Path,
+    comm: MPI.Comm,
+    directory: str | Path | None = None,
+    overrides: Sequence[str] = (),
+    cache: str | Path | None = None,
+) -> Path | None:
+    """Find the smallest change of each countermeasure of a scene, and verify it; collective.
+
+    What an earlier call in the folder finished is not done again.
+
+    Args:
+        scene: path of the scene.
+        comm: processes that share the work.
+        directory: folder of the results; SCENE-countermeasures in the working directory if not
+            given.
+        overrides: "key=value" replacements in the scene.
+        cache: folder of laws and reduced models that runs share; one in the folder if not given.
+
+    Returns:
+        The page; None where nothing is to be stopped.
+
+    Raises:
+        SceneError: the scene is wrong or names none, or the folder holds others.
+        BrakeError: the run of the scene as it is failed.
+    """
+    folder = Path(directory or f"{Path(scene).stem}-countermeasures")
+    search = Search(scene, comm, folder, overrides, cache)
+    before = search.runs.run("before")
+    worst = on_first(lambda: worst_family(read_run(before), search.approach), comm)
+    if worst is None or enough(worst.count.share.hits, worst.count.share.n):
+        logger.info(
+            "%s: no family squeals in more than %.0f %% of the samples; there is nothing to stop",
+            search.approach, 100 * MOST,
+        )  # fmt: skip
+        return None
+    share = worst.count.share
+    logger.info(
+        "worst family: %.0f Hz, squeals in %d of %d samples", worst.count.frequency, share.hits,
+        share.n,
+    )  # fmt: skip
+    named = search.scene.countermeasures
+    # All that one brake has come first.
+    for c in sorted(named, key=lambda c: changes_bodies(search.scene, c.key)):
+        if c.key not in search.found:
+            search.search(c, worst)
+    search.release()
+    known = {c.key: search.found[c.key]["first_order"] for c in named}
+    ranked = sorted(named, key=lambda c: np.inf if known[c.key] is None else -known[c.key])
+    cells = [[rank, *_row(search, c, worst, rank)] for rank, c in enumerate(ranked, 1)]
+    rows = [dict(zip(COLUMNS, row, strict=True)) for row in cells]
+    return on_first(lambda: write_countermeasures(folder, worst, rows), comm)
+
+
+def _or_note(work: Callable[[], T]) -> tuple[T | None, str]:
+    """What is found, or nothing and why."""
+    try:
+        return work(), ""
+    except StorageError:
+        raise
+    except BrakeError as error:
+        logger.warning("%s", error)
+        return None, str(error)
+
+
+def _row(search: Search, c: Countermeasure, worst: Worst, rank: int) -> list[Value]:
+    """One row of the table after its rank: the smallest change, and what a run with it says."""
+    found = search.found[c.key]
+    value, notes = found["value"], [found["note"]] if found["note"] else []
+    after = wilson(*found["share"]) if found["share"] else None
+    loud, verified = None, False
+    if value is not None:
+        changes = search.changes(c, value)
+        folder, note = _or_note(partial(search.runs.run, f"after-{rank}", changes))
+        if folder is None:
+            notes.append(f"the run failed: {note}")
+        else:
+            before = search.runs.folder / "before"
+            after, loud = on_first(lambda: _compared(before, folder, worst), search.runs.comm)
+            verified = enough(after.hits, after.n)
+            if not verified:
+                notes.append("the run does not confirm the search")
+            elif not enough(loud.hits, loud.n):
+                notes.append("other modes squeal")
+    elif after is not None:
+        notes.append("not sufficient even at the limit; share given for the limit")
+    shares: list[Value] = [None] * 3 if after is None else [*after.cells]
+    return [
+        c.key, c.start, c.stop, c.unit, found["first_order"], value, worst.count.share.value,
+        *shares, worst.any.value, loud and loud.value, "yes" if verified else "no",
+        "; ".join(notes),
+    ]  # fmt: skip
+
+
+def _compared(before: Path, after: Path, worst: Worst) -> tuple[Proportion, Proportion]:
+    """Shares of samples after a change in which the worst family and any family squeal."""
+    write_comparison(before, after, after)
+    mine = [r for r in compare_runs(before, after) if r["approach"] == worst.count.approach]
+    # The first row is that of all families together.
+    same = next(row for row in mine if row["family_a"] == worst.count.key)
+    n = int(mine[0]["samples_b"] or 0)
+    own, loud = (wilson(round(float(r["probability_b"] or 0) * n), n) for r in (same, mine[0]))
+    return own, loud

@@ -1,0 +1,238 @@
+"""The worst family of squeal modes of a run, and the same family in changed samples.
+
+Modes of changed samples get their family by shape, as those of a sweep do. The shapes of the run's
+families are taken to the brake at hand by the nearest nodes, so that its mesh may be another one.
+
+The smallest change of a number after which hardly any sample squeals, by search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+from mpi4py import MPI
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import beta, binom
+
+from brake_fenicsx.build.shapes import FILE as SHAPES
+from brake_fenicsx.build.shapes import shapes_at_dofs
+from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+from brake_fenicsx.folder.arrays import read_npz, reading
+from brake_fenicsx.folder.processes import in_turns
+from brake_fenicsx.results.families import known_numbers, mac
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import Family, squeals
+from brake_fenicsx.results.statistics import Proportion, wilson
+from brake_fenicsx.samples.numbering import dof_points
+from brake_fenicsx.samples.study import Study
+from brake_fenicsx.sweeps.state import Points, State, likeness
+
+# Step of the derivative, relative to the range.
+STEP = 1e-3
+# Share of the samples that may still squeal, and confidence that it is no larger.
+MOST, SURE = 0.05, 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """The family that squeals in most samples of an approach; of equal ones the most unstable.
+
+    Attributes:
+        count: its approach, number, frequency and share.
+        any: share of samples in which any family squeals.
+        samples: numbers of the samples that ended well.
+        loud: numbers of those in which it squeals.
+        shapes: of all families that squeal, at nodes.
+        column: its place among these.
+        threshold: a mode squeals where its damping lies below minus this.
+    """
+
+    count: Family
+    any: Proportion
+    samples: list[int]
+    loud: list[int]
+    shapes: dict[str, NDArray]
+    column: int
+    threshold: float
+
+
+def worst_family(run: RunData, approach: str) -> Worst | None:
+    """The worst family of an approach; None where none squeals.
+
+    Raises:
+        SceneError: modes squeal, and have no family.
+    """
+    modes = run.squeal.squeal_modes(approach)
+    if not len(modes):
+        return None
+    found = [f for f in run.squeal.families(approach) if f.key >= 0]
+    if not found:
+        raise SceneError(
+            f"{run.directory}: modes of a single sample belong to no family; raise samples.n"
+        )
+    worst = max(found, key=lambda f: (f.share.value, -f.median))
+    own = sorted({*run.squeal.squeal_modes(approach, worst.key)["sample"]})
+    every = wilson(modes["sample"].nunique(), worst.share.n)
+    samples = [int(k) for k in run.squeal.good(approach)]
+    path = run.directory / SHAPES
+    with reading(path, "as an npz file", "`run` of the scene makes it again"):
+        shapes = read_npz(path)
+    column = int(np.flatnonzero(shapes["families"] == worst.key)[0])
+    return Worst(worst, every, samples, own, shapes, column, run.threshold)
+
+
+class Trial:
+    """Samples of a prepared brake, and which of their modes are the worst family."""
+
+    def __init__(self, study: Study, worst: Worst, comm: MPI.Comm, key: str):
+        """Give the families coordinates of this brake; collective.
+
+        Args:
+            study: samples of the brake.
+            worst: the worst family.
+            comm: processes that share the samples.
+            key: of the number that samples take at other values.
+        """
+        self._study, self._worst, self._comm, self._key = study, worst, comm, key
+        body = study.models.numbering.body
+        shapes = shapes_at_dofs(worst.shapes, dof_points(study.brake), body)
+        found = study.models.coordinates.of(shapes)
+        if found is None:
+            raise ValueError("a scene with a sweep has coordinates")
+        self._known = found / np.linalg.norm(found, axis=0)
+        self._points: dict[int, Points] = {}
+
+    def outcomes(self, x: float) -> Iterator[bool]:
+        """Whether the worst family squeals in each sample at a value; collective.
+
+        A sample without an equilibrium counts as one that squeals.
+        """
+        samples = self._worst.samples
+        return in_turns(len(samples), lambda i: self._squeals(x, samples[i]), self._comm)
+
+    def _squeals(self, x: float, k: int) -> bool:
+        try:
+            return bool(self._loud(self._state(x, k)))
+        except StorageError:
+            raise
+        except BrakeError:
+            return True
+
+    def _state(self, x: float, k: int) -> State:
+        task = self._worst.count.approach, k
+        return self._points.setdefault(k, Points(self._study, task, self._key))(x)
+
+    def _loud(self, state: State) -> list[int]:
+        """Modes that squeal and are of the worst family.
+
+        One whose stability its estimated error leaves open ("neutral") counts by its damping.
+        """
+        verdict = np.where(state.verdict == "neutral", "unstable", state.verdict)
+        known = {"verdict": verdict, "damping": state.damping}
+        modes = np.flatnonzero(squeals(known, self._worst.threshold))
+        numbers = known_numbers(mac(self._known, state.right[:, modes]))
+        return [int(i) for i, n in zip(modes, numbers, strict=True) if n == self._worst.column]
+
+    def slope(self, start: float, stop: float) -> float | None:
+        """Change of damping between two values, from its derivative at the first one.
+
+        It is that of the first sample in which the worst family squeals; its mode is continued by
+        the likest one a small step away. None where there is no such sample.
+        """
+        for k in self._worst.loud:
+            a = self._state(start, k)
+            if own := self._loud(a):
+                i = min(own, key=lambda i: a.damping[i])
+                b = self._state(start + STEP * (stop - start), k)
+                j = int(np.argmin(np.abs(likeness(a, b)[i] - 1.0)))
+                return float(b.damping[j] - a.damping[i]) / STEP
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """The smallest change that is enough, or the farthest one where none is.
+
+    Attributes:
+        value: of the number; None where no value is enough.
+        share: samples that squeal at it, or at the farthest value.
+    """
+
+    value: float | None
+    share: Proportion
+
+
+def enough(hits: int, samples: int) -> bool:
+    """Whether so few samples of a run squeal that the family counts as stopped."""
+    return hits <= int(MOST * samples)
+
+
+def allowed(samples: int) -> int:
+    """Samples of a search that may squeal: were MOST of all to squeal, more would, almost surely.
+
+    It is the largest number whose upper limit of confidence (C. J. Clopper and E. S. Pearson,
+    Biometrika 26(4), 1934) is at most MOST; none of too few samples. Where the share falls with the
+    change, values at which more than MOST of all samples squeal pass with a probability of 1 - SURE
+    at most, however many are tried: the samples are the same ones at all of them.
+    """
+    return int(max(binom.ppf(1 - SURE, samples, MOST) - 1, 0))
+
+
+def excluded(samples: int) -> float:
+    """Share of all samples that a search with so many excludes larger ones of, almost surely."""
+    hits = allowed(samples)
+    return float(beta.ppf(SURE, hits + 1, samples - hits))
+
+
+def smallest_change(
+    outcomes: Callable[[float], Iterable[bool]],
+    ends: tuple[float, float],
+    samples: int,
+    steps: int,
+    accuracy: float,
+) -> Change:
+    """Search for the smallest change that is enough.
+
+    Values are tried from the first end outward: nothing is assumed of how the samples depend on the
+    number from one to the next. Within the last step the border is found by bisection.
+
+    Args:
+        outcomes: gives, sample by sample, whether it squeals at a value; samples that cannot change
+            the answer are not asked for.
+        ends: value of the scene, and the farthest one.
+        samples: how many there are.
+        steps: values that are tried outward.
+        accuracy: of the value, relative to the range.
+    """
+    most = allowed(samples)
+
+    def hits(x: float) -> int:
+        count = 0
+        for squealing in outcomes(x):
+            count += squealing
+            if count > most:
+                break
+        return count
+
+    start, stop = ends
+    for before, x in pairwise(_short(v) for v in np.linspace(start, stop, steps + 1)):
+        if (count := hits(x)) > most:
+            continue
+        # Halves of a step reach the accuracy exactly, but for round-off.
+        while abs(x - before) > accuracy * abs(stop - start) * (1 + 1e-9):
+            middle = _short(0.5 * (before + x))
+            if (there := hits(middle)) <= most:
+                x, count = middle, there
+            else:
+                before = middle
+        return Change(x, wilson(count, samples))
+    return Change(None, wilson(sum(outcomes(stop)), samples))
+
+
+def _short(x: float) -> float:
+    """A value without the last digits, which only round-off fills."""
+    return float(f"{x:.12g}")

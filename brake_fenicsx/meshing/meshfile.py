@@ -1,0 +1,198 @@
+"""Readers of mesh files: gmsh by gmsh, Abaqus, Ansys and Nastran by modules here, others by meshio.
+
+Meshio reads no .cdb, of an .inp neither surfaces nor two element blocks of one set, and of a .bdf
+neither coordinate systems nor included files.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extras.decks.abaqus import read_abaqus
+from brake_fenicsx.extras.decks.ansys import read_ansys
+from brake_fenicsx.extras.decks.nastran import SUFFIXES, read_nastran
+from brake_fenicsx.folder.arrays import reading
+
+from .filemesh import NO_CELLS, SOLIDS, FileMesh, each_once, gmsh_order, one_kind, same_length
+from .gmsh_mesh import gmsh_session
+
+Ints = NDArray[np.int64]
+MSH = b"$MeshFormat"  # how every mesh of gmsh begins since its format 2
+REMEDY = (
+    "export the mesh once more, or as another of .msh, .inp, .cdb and .bdf; if another program"
+    " reads the file, tell us of it"
+)
+# Gmsh's numbers of solid elements, and of triangles and quadrilaterals with their corners.
+_GMSH_SOLIDS = {4: "tetra", 11: "tetra10", 5: "hexahedron", 17: "hexahedron20", 12: "hexahedron27",
+                6: "wedge", 7: "pyramid", 13: "wedge18", 18: "wedge15"}  # fmt: skip
+_GMSH_SKINS = {2: 3, 9: 3, 3: 4, 10: 4, 16: 4}
+_SKINS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
+
+
+def read_mesh_file(path: Path) -> FileMesh:
+    """Read a mesh file by its ending.
+
+    Args:
+        path: .msh of gmsh; .inp of Abaqus or CalculiX; .cdb of Ansys; what meshio reads (.bdf,
+            .nas, .med, .vtu, ...).
+
+    Raises:
+        SceneError: the file is missing, of no known kind, or damaged.
+    """
+    readers = {
+        ".inp": (read_abaqus, "as an Abaqus deck"), ".cdb": (read_ansys, "as an Ansys archive"),
+        ".msh": (read_gmsh, "by gmsh"),
+        **dict.fromkeys(SUFFIXES, (read_nastran, "by pyNastran")),
+    }  # fmt: skip
+    read, how = readers.get(path.suffix, (read_other, "by meshio"))
+    with reading(path, how, REMEDY, at=""):
+        mesh = read(path)
+    each_once(mesh, merge=path.suffix == ".msh")
+    return mesh
+
+
+def read_gmsh(path: Path) -> FileMesh:
+    """Read gmsh's own format, 2.2 or 4.1; physical groups by name, or by number without one.
+
+    Gmsh takes a file that does not begin as one of its meshes for a script, and runs it; it runs
+    the file beside it whose name ends with ".opt" too. It is shown meshes alone, by a link in a
+    folder of its own.
+    """
+    with path.open("rb") as stream:
+        begin = stream.read(len(MSH) + 1)
+    if begin.rstrip() != MSH:
+        raise SceneError(
+            "does not begin with $MeshFormat and is no mesh of gmsh; save the mesh in gmsh's format"
+            " 2.2 or 4.1, or name the file by its own ending"
+        )
+    with gmsh_session() as gmsh, TemporaryDirectory() as folder:
+        link = Path(folder, "mesh.msh")
+        link.symlink_to(path.resolve())
+        gmsh.open(str(link))
+        model = gmsh.model
+        tags, x, _ = model.mesh.getNodes()
+        if not tags.size:
+            raise SceneError(NO_CELLS)
+        number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
+        number[tags.astype(np.int64)] = np.arange(tags.size)
+        kinds = [int(kind) for kind in model.mesh.getElementTypes(3)]
+        kind = one_kind(_GMSH_SOLIDS.get(k, f"gmsh {k}") for k in kinds)
+        shape, count = SOLIDS[kind]
+
+        cells: list[Ints] = []
+        start: dict[int, tuple[int, int]] = {}
+        for _, entity in model.getEntities(3):
+            _, nodes = model.mesh.getElementsByType(kinds[0], entity)
+            first = sum(map(len, cells))
+            cells.append(number[nodes.astype(np.int64)].reshape(-1, count))
+            start[entity] = (first, first + len(cells[-1]))
+        mesh = FileMesh(x.reshape(-1, 3), shape, np.concatenate(cells))
+        for dim, group in model.getPhysicalGroups():
+            name = model.getPhysicalName(dim, group) or str(group)
+            entities = model.getEntitiesForPhysicalGroup(dim, group)
+            if dim == 3:
+                mesh.cell_groups[name] = np.concatenate([np.arange(*start[e]) for e in entities])
+            elif dim == 2:
+                mesh.facet_groups[name] = _gmsh_skin(model, entities, number, shape)
+    return mesh
+
+
+def _gmsh_skin(model: Any, entities: Any, number: Ints, shape: str) -> Ints:
+    """Corner nodes of the facets of some surfaces."""
+    corners = 3 if shape == "tetrahedron" else 4
+    found: list[Ints] = [np.zeros((0, corners), dtype=np.int64)]
+    for entity in entities:
+        for kind, _, nodes in zip(*model.mesh.getElements(2, entity), strict=True):
+            if _GMSH_SKINS.get(int(kind)) == corners:
+                count = model.mesh.getElementProperties(kind)[3]
+                found.append(number[nodes.astype(np.int64)].reshape(-1, count)[:, :corners])
+    return np.concatenate(found)
+
+
+def read_other(path: Path) -> FileMesh:
+    """Read what meshio reads; groups are its sets, and integers of cells by their value."""
+    try:
+        import meshio
+    except ImportError:
+        raise SceneError(
+            f"{path.suffix} needs meshio: pip install meshio, or convert the mesh to .msh or .inp"
+        ) from None
+    if path.suffix not in meshio.extension_to_filetypes:
+        raise SceneError(f"files {path.suffix} are not known; write .msh, .inp or .bdf instead")
+    read = meshio.read(path)
+    blocks = [*enumerate(read.cells)]
+    kind = one_kind(b.type for _, b in blocks if b.dim == 3)
+    shape, count = SOLIDS[kind]
+    solid = [i for i, block in blocks if block.type == kind]
+    cells = np.vstack([np.zeros((0, count), np.int64), *(read.cells[i].data for i in solid)])
+    mesh = FileMesh(np.asarray(read.points, dtype=float), shape, cells[:, gmsh_order(shape, count)])
+    skin = [i for i, block in blocks if block.type in _SKINS]
+    for name, members in _meshio_groups(read).items():
+        offset, own = 0, []
+        for i in solid:
+            own.append(np.asarray(members[i], dtype=np.int64) + offset)
+            offset += len(read.cells[i].data)
+        if sum(map(len, own)):
+            mesh.cell_groups[name] = np.concatenate(own)
+        facets = [
+            row
+            for i in skin
+            for row in read.cells[i].data[members[i]][:, : _SKINS[read.cells[i].type]].tolist()
+        ]
+        if facets:
+            mesh.facet_groups[name] = same_length(facets)
+            mesh.shell_sets[name] = True
+    for name, nodes in read.point_sets.items():
+        mesh.node_groups[name] = np.asarray(nodes, dtype=np.int64)
+    for name, families in _families(read, "point_tags", read.point_data).items():
+        mesh.node_groups[name] = np.flatnonzero(np.isin(read.point_data["point_tags"], families))
+    none = [k for k, g in (("cells", mesh.cell_groups), ("nodes", mesh.node_groups)) if not g]
+    if none:
+        mesh.advice = (
+            f"; meshio found no sets of {' or '.join(none)} in it and does not read those of every"
+            " format (docs/meshes.md): write .msh, .inp or .cdb"
+        )
+    return mesh
+
+
+def _meshio_groups(read: Any) -> dict[str, list[Ints]]:
+    """Group -> members in each block of cells.
+
+    Whole numbers of cells are groups by their value; where arrays differ, as "ARRAY:VALUE".
+    """
+    groups: dict[str, list[Ints]] = {}
+    for name, members in read.cell_sets.items():
+        groups[name] = [np.asarray(m if m is not None else [], dtype=np.int64) for m in members]
+    numbers: dict[str, dict[str, list[Ints]]] = {}
+    for array, blocks in read.cell_data.items():
+        values = [np.ravel(v) for v in blocks]
+        pairs = zip(values, read.cells, strict=True)
+        if any(not np.issubdtype(v.dtype, np.integer) or len(v) != len(b.data) for v, b in pairs):
+            continue
+        for value in np.unique(np.concatenate(values)):
+            members = [np.flatnonzero(v == value) for v in values]
+            numbers.setdefault(str(value), {})[array] = members
+    for value, arrays in numbers.items():
+        first, *rest = arrays.values()
+        if all(np.array_equal(a, b) for m in rest for a, b in zip(first, m, strict=True)):
+            groups.setdefault(value, first)
+        else:
+            groups |= {f"{array}:{value}": members for array, members in arrays.items()}
+    for name, own in _families(read, "cell_tags", read.cell_data).items():
+        groups[name] = [np.flatnonzero(np.isin(v, own)) for v in read.cell_data["cell_tags"]]
+    return groups
+
+
+def _families(read: Any, tags: str, data: Any) -> dict[str, list[int]]:
+    """Group of a MED file -> its families, by which the data number cells or nodes."""
+    groups: dict[str, list[int]] = {}
+    for family, names in getattr(read, tags, {}).items() if tags in data else ():
+        for name in names:
+            groups.setdefault(name, []).append(family)
+    return groups

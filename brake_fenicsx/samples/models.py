@@ -1,0 +1,123 @@
+"""What the samples of a study share: brake, reduced models, compliance, coordinates of modes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.build.brake import Brake
+from brake_fenicsx.build.damping_terms import record
+from brake_fenicsx.build.parametric import ParametricBrake, parametric_brake
+from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.log import logger
+from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.store import Store
+from brake_fenicsx.macro.condensation import Compliance, UnitLoads, compliance
+from brake_fenicsx.macro.equilibrium import Condensed
+from brake_fenicsx.scene import Scene, Stability
+from brake_fenicsx.scene.digest import bodies_key
+
+from .coordinates import SHAPES, FamilyCoordinates, layer_grams, reference_shapes
+from .numbering import FILE as DOFS
+from .numbering import Numbering
+from .reduction import Reduction
+
+if TYPE_CHECKING:
+    from brake_fenicsx.stability.substructures import ReducedModel
+
+Array = NDArray[np.float64]
+
+
+class Models:
+    """What the samples of a study share.
+
+    Attributes:
+        brake: the brake; ``brake.at(values)`` is that of a sample.
+        reduction: its reduced models.
+        loads: the scene's bodies seen from their contact elements, under its loads.
+        coordinates: of modes; without modes none.
+        numbering: tells the mesh and the bodies of the dofs; only with modes.
+        stability: how modes are computed; None without modes.
+        facts: for the summary.
+    """
+
+    brake: ParametricBrake
+    loads: UnitLoads
+    coordinates: FamilyCoordinates
+    numbering: Numbering
+
+    def __init__(
+        self, scene: Scene, counts: Mapping[str, int], store: Store, comm: MPI.Comm,
+        cache: SharedCache,
+    ):  # fmt: skip
+        """Ask what there could be.
+
+        Args:
+            scene: the scene.
+            counts: number of samples of each approach.
+            store: the results folder.
+            comm: processes that share the work.
+            cache: what the folder shares with others.
+        """
+        self._scene, self._counts = scene, counts
+        self._store, self._comm, self._cache = store, comm, cache
+        self.reduction = Reduction(scene, counts, store, cache, comm)
+        self.stability: Stability | None = self.reduction.stability
+        self.facts: dict[str, Any] = {}
+
+    def assemble(self, brake: Brake) -> None:
+        """Assemble what random and swept scalars change in the operators of the scene."""
+        self.brake = parametric_brake(self._scene, brake)
+
+    def prepare(self, k0: Array) -> None:
+        """Make or load what the samples share, on springs k0 [Pa/m]; collective."""
+        b, shapes = self.brake, None
+        if self.stability is not None:
+            with self._cache.shared(DOFS, lambda: bodies_key(self._scene), self._comm):
+                self.numbering = Numbering(b, self._store, self._comm)
+            self.reduction.prepare(b, self.numbering, k0)
+            self.facts |= self.reduction.facts
+            self._note_damping()
+        model = next(iter(self.reduction.models.values()), None)
+        if model is not None:
+            self.loads = _reduced_loads(model, b, k0)
+            grams = layer_grams(
+                model, lambda: b.masses, self.numbering.mark, self._store, self._comm
+            )
+            self.coordinates = FamilyCoordinates(b, model, None, grams)
+        else:
+            whole = compliance(b.K, b.N, b.T, b.w, b.f, k0, self._comm)
+            self.loads = UnitLoads(whole, b.N @ whole.solve(b.unit_loads))
+            full = self.reduction.full
+            many = any(self._counts[n] > 1 or self._scene.sweep for n in full)
+            if self.stability is not None and many:
+                depends = self.reduction.depends([float(k) for k in np.unique(k0)])
+                with self._cache.shared(SHAPES, lambda: depends, self._comm):
+                    given = b.M, self.stability.band[1], self._store, self._comm
+                    shapes = reference_shapes(whole, *given)
+            self.coordinates = FamilyCoordinates(b, None, shapes)
+        release_memory()
+
+    def _note_damping(self) -> None:
+        """Say what damps the samples; for the summary too."""
+        acting = record(self._scene, self.brake.contact)
+        if acting:
+            self.facts["damping"] = acting
+        for term, numbers in acting.items():
+            said = ", ".join(f"{name} = {value}" for name, value in numbers.items())
+            logger.info("damping, %s: %s", term, said)
+
+
+def _reduced_loads(model: ReducedModel, brake: ParametricBrake, k0: Array) -> UnitLoads:
+    """Compliance under unit loads as a reduced model knows it."""
+    NN, NT, gaps = model.static(brake.at({}).point, k0)
+    none, carried = 0 * brake.w, []
+    for Nf in gaps.T:
+        unit = Condensed(Compliance(None, k0, NN, NT, Nf, 0.0), brake.w, none, 0.0)
+        carried.append(-float(np.sum(brake.w * k0 * unit.linear(1.0, none, k0))))
+    return UnitLoads(Compliance(None, k0, NN, NT, gaps.sum(axis=1)), gaps, np.array(carried))

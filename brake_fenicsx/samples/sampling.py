@@ -1,0 +1,258 @@
+"""What makes one sample: its seed, its inputs, its laws and critical gaps.
+
+Sample k draws from child k of the scene's seed, so that any sample can be run again alone and
+nothing depends on the number of processes. Rows of Saltelli's design share their roughness
+(``designs``): they draw it from the child of one of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from brake_fenicsx.build.parametric import BrakeAt
+from brake_fenicsx.build.values import Values
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extensions import FrictionLaw
+from brake_fenicsx.macro.contact import Contact
+from brake_fenicsx.macro.friction import Coefficient, Friction
+from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
+from brake_fenicsx.micro import (
+    LawSteps,
+    OneLaw,
+    exponential_law,
+    join_laws,
+    linear_law,
+    make_library,
+    scaled_laws,
+)
+from brake_fenicsx.micro.law import Laws
+from brake_fenicsx.scene import ContactTable, LawTable, Scene
+from brake_fenicsx.scene.contact import LAWS
+from brake_fenicsx.scene.friction import friction_of
+from brake_fenicsx.scene.scalars import SPEED
+
+from .designs import roughness_of
+from .inputs import PERFECT, check_values, draw_inputs, law_factor, scaled_interfaces, size_of
+
+if TYPE_CHECKING:
+    from brake_fenicsx.surface.hdf import HeightDistribution
+    from brake_fenicsx.surface.waviness import Waviness
+
+Array = NDArray[np.float64]
+
+PENALTY = "samples.classical.penalty"
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One sample, before its equilibrium is known.
+
+    Attributes:
+        approach: "multi-scale", "classical", "parametric" or "joint".
+        seed: seed of its random numbers.
+        brake: its brake.
+        laws: law and critical gap of each contact element.
+        friction: of each contact element.
+        rejected: draws of the random inputs that were rejected.
+    """
+
+    approach: str
+    seed: int
+    brake: BrakeAt
+    laws: EnrichedGap
+    friction: Friction
+    rejected: int = 0
+
+    @property
+    def values(self) -> Values:
+        """Scalars that differ from the scene, by dotted key, SI."""
+        return self.brake.values
+
+
+def sample_seed(seed: int, k: int) -> int:
+    """Seed of sample ``k``: child k of the scene's seed."""
+    child = np.random.SeedSequence(seed, spawn_key=(k,))
+    return int(child.generate_state(1, np.uint64)[0])
+
+
+def _streams(seed: int) -> list[np.random.Generator]:
+    """Streams of laws, gaps and random inputs."""
+    return [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(3)]
+
+
+def draw_sample(
+    scene: Scene,
+    approach: str,
+    k: int,
+    at: Callable[[Values], BrakeAt],
+    library: Laws | None,
+    hdf: HeightDistribution | None,
+    point: Array | None = None,
+    waviness: Waviness | None = None,
+    values: Mapping[str, float] | None = None,
+    laws: EnrichedGap | None = None,
+) -> Sample:
+    """Sample ``k`` of an approach.
+
+    Args:
+        scene: the scene.
+        approach: "multi-scale" and "joint" take the contact as the scene writes it; "classical"
+            and "parametric" perfect contact: a stiff linear penalty, no critical gap; the scene's
+            friction, or the classical one's own, where it is not random.
+        k: number of the sample.
+        at: the brake at some values; interfaces, sliding speeds, centres and normals of its contact
+            elements are used.
+        library: the laws, where the scene asks for them.
+        hdf: height distribution, where critical gaps are drawn from it.
+        point: the sample's point of a design, shape (inputs,); None: drawn from its own stream.
+        waviness: field of the mean heights of patches, where critical gaps are drawn from it.
+        values: scalars by dotted key, SI, in place of those that are drawn or the scene's.
+        laws: laws and critical gaps of this sample, where they were drawn with the scene's moduli.
+
+    Raises:
+        InaccurateResult: the point cannot be used and may not be replaced.
+        SceneError: no brake has the given values.
+    """
+    seed, shared = sample_seed(scene.samples.seed, k), k
+    drawn, rejected = Values(scene), 0
+    if scene.samples.takes_random(approach):
+        shared = roughness_of(scene.samples.plan(approach), len(scene.samples.random), k)
+        drawn, rejected = draw_inputs(scene, approach, point, _streams(seed)[2])
+    if values:
+        drawn = Values(scene, {**drawn, **values})
+        check_values(approach, drawn)
+    brake = at(drawn)
+    if approach in PERFECT:
+        penalty = drawn.get(PENALTY, scene.samples.classical.penalty)
+        laws = perfect_contact(penalty, brake.contact.interface.size)
+    elif laws is None or drawn.materials:
+        # Each kind of draw has its own child, so that naming one does not change the others.
+        streams = _streams(sample_seed(scene.samples.seed, shared))
+        laws = _rough(brake, library, (hdf, waviness), (streams[0], streams[1]))
+    friction = friction_of_contact(brake.contact, approach, drawn)
+    return Sample(approach, seed, brake, laws, friction, rejected)
+
+
+def perfect_contact(penalty: float, elements: int) -> EnrichedGap:
+    """A penalty [Pa/m] for every element, no critical gap."""
+    index = np.zeros(elements, dtype=np.intp)
+    return EnrichedGap(OneLaw(linear_law(penalty)), index, np.zeros(elements))
+
+
+def friction_of_contact(contact: Contact, approach: str, values: Values) -> Friction:
+    """Friction of contact elements at their sliding speeds.
+
+    Args:
+        contact: their interfaces, and their sliding speeds at the speed of the scene.
+        approach: of the sample.
+        values: of its scalars.
+    """
+    speed = contact.speed * values.ratio(SPEED)
+    tables = values.scene.contact.values()
+    braking = np.array([t.friction_in_equilibrium for t in tables], dtype=bool)
+    given = friction_law(contact, approach, values)(speed)
+    return Friction(*given, speed, braking[contact.interface])
+
+
+def friction_law(contact: Contact, approach: str, values: Values) -> Coefficient:
+    """Friction of contact elements by their slip speeds; arguments as above."""
+    scene, interface = values.scene, contact.interface
+
+    def law(speed: Array) -> tuple[Array, Array]:
+        mu, slope = np.zeros((2, *speed.shape))
+        for i, name in enumerate(scene.contact):
+            own = interface == i
+            value = values.get(f"contact.{name}.friction", friction_of(scene, approach, name))
+            mu[own], slope[own] = coefficient(value, speed[own])
+        return mu, slope
+
+    return law
+
+
+def _rough(
+    brake: BrakeAt,
+    library: Laws | None,
+    heights: tuple[HeightDistribution | None, Waviness | None],
+    streams: tuple[np.random.Generator, np.random.Generator],
+) -> EnrichedGap:
+    """Law and critical gap of each element, the laws for the sample's modulus."""
+    contact, values, scene = brake.brake.contact, brake.values, brake.values.scene
+    law_rng, gap_rng = streams
+    interface = contact.interface
+    parts: list[Laws] = []
+    index, g_cr = np.zeros(interface.size, np.intp), np.zeros(interface.size)
+    for i, (name, table) in enumerate(scene.contact.items()):
+        own = interface == i
+        chosen, numbers = _laws(table, library, int(own.sum()), law_rng)
+        index[own] = numbers + sum(len(part) for part in parts)
+        if values.materials and name in scaled_interfaces(scene):
+            chosen = scaled_laws(chosen, law_factor(name, values))
+        parts.append(chosen)
+        if table.gap == "none":
+            continue
+        hdf, waviness = heights
+        if table.gap == "hdf" and hdf is not None:
+            g_cr[own] = draw_critical_gaps(hdf, int(own.sum()), gap_rng)
+        elif table.gap == "waviness" and waviness is not None:
+            g_cr[own] = draw_waviness(waviness, contact.points[own], contact.normal[own], gap_rng)
+        else:
+            raise SceneError(
+                f'contact.{name}.gap = "{table.gap}": there are no heights; name the stage surface'
+            )
+    return EnrichedGap(join_laws(parts), index, g_cr)
+
+
+def _laws(
+    table: ContactTable, library: Laws | None, elements: int, rng: np.random.Generator
+) -> tuple[Laws, NDArray[np.intp]]:
+    """Laws of one interface, and the number of each element's."""
+    if isinstance(table.law, LawTable):
+        return one_law(table.law), np.zeros(elements, dtype=np.intp)
+    if library is None:
+        raise SceneError('contact.law = "library": there is no library; name the stage micro')
+    return library, rng.integers(0, len(library), elements).astype(np.intp)
+
+
+def coefficient(friction: float | FrictionLaw, speed: Array) -> tuple[Array, Array]:
+    """Friction coefficient of contact elements at some speeds [m/s], and its slope [s/m]."""
+    if isinstance(friction, float | int):
+        return np.full(speed.shape, float(friction)), np.zeros(speed.shape)
+    given = friction.coefficient(speed)
+    two = np.full((2, *speed.shape), np.nan)
+    with suppress(TypeError, ValueError):
+        two[0], two[1] = given
+    if not np.isfinite(two).all():
+        raise SceneError(
+            f"{type(friction).__name__}.coefficient returns {' '.join(repr(given).split())}; return"
+            " mu and its slope [s/m], finite numbers for each speed"
+        )
+    return two[0], two[1]
+
+
+def one_law(law: LawTable) -> OneLaw:
+    """A scene's linear, exponential or measured law for all elements."""
+    if law.steps:
+        d, p = np.array(law.steps)
+        # Slopes of ln p of the monotone cubic through the rows (Fritsch and Carlson).
+        k = -p[::-1] * PchipInterpolator(d[::-1], np.log(p[::-1])).derivative()(d[::-1])
+        return OneLaw(make_library([LawSteps(d, p, k[::-1])])[0])
+    if law.linear is not None:
+        return OneLaw(linear_law(law.linear))
+    if law.p0 is None or law.u0 is None:
+        raise SceneError(f"contact.law: write {LAWS}")
+    return OneLaw(exponential_law(law.p0, law.u0))
+
+
+def sample_count(scene: Scene, approach: str = "multi-scale") -> int:
+    """Samples of an approach: many if the scene names uncertainty and something is random."""
+    if approach == "classical" or "uncertainty" not in scene.stages:
+        return 1
+    drawn = scene.samples.plan(approach).rough or scene.samples.takes_random(approach)
+    return size_of(scene, approach) if drawn else 1

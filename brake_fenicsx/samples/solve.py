@@ -1,0 +1,231 @@
+"""Complex modes of one sample, and what is kept of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.folder.extras import spared
+from brake_fenicsx.folder.log import logger
+from brake_fenicsx.macro.equilibrium import Equilibrium
+from brake_fenicsx.stability import Modes, complex_modes, contact_interface
+from brake_fenicsx.stability.modes import relative_errors
+from brake_fenicsx.stability.operators import tangent
+from brake_fenicsx.stability.participation import damped_partners, energy_shares, flutter_partners
+from brake_fenicsx.stability.substructures import ContactLinearisation
+
+from .models import Models
+
+if TYPE_CHECKING:
+    from brake_fenicsx.scene import Stability
+    from brake_fenicsx.stability.substructures.line import Basis
+
+    from .sampling import Sample
+
+Array = NDArray[np.float64]
+Arrays = dict[str, Any]
+
+
+# Its name, and modes, their partners, and whether they are those of the reduced model -> what else
+# is stored.
+More = tuple[str, Callable[[Modes, NDArray[np.intp], bool], Arrays]]
+
+
+def modes_of_sample(
+    models: Models,
+    sample: Sample,
+    eq: Equilibrium,
+    by_reduction: bool,
+    more: Sequence[More] = (),
+    comm: MPI.Comm = MPI.COMM_SELF,
+) -> Arrays:
+    """Complex modes of a sample, as arrays to store.
+
+    Args:
+        models: what all samples share.
+        sample: the sample.
+        eq: its equilibrium.
+        by_reduction: whether the reduced model gives its modes.
+        more: what else is made of them; where that fails, the modes stand without it.
+        comm: processes that share a sample at full order.
+    """
+    if not by_reduction:
+        return _full(models, sample, eq, more, comm)
+    settings = _settings(models)
+    fall_back = settings.on_tolerance == "full order"
+    try:
+        modes = reduced_modes(models, sample, eq)
+    except InaccurateResult as error:
+        if not fall_back:
+            raise
+        logger.info("a sample at full order: %s", error)
+        return _full(models, sample, eq, more)
+    missed = _missed(modes, settings.tolerance)
+    if missed and fall_back:
+        given = missed, settings.tolerance
+        logger.info("%d modes of a sample beyond the tolerance %.0e: full order", *given)
+        return _full(models, sample, eq, more)
+    # Kept modes of all bodies are orthonormal in the mass.
+    one = sp.identity(len(modes.right), format="csr")
+    mass = one if models.reduction.damped(sample.approach) else None
+    return {
+        **_stored(modes, settings.tolerance, mass, models.coordinates.grams, more, True),
+        "coordinates": modes.right.astype(np.complex64),
+    }
+
+
+def reduced_modes(
+    models: Models, sample: Sample, eq: Equilibrium, line: Basis | None = None
+) -> Modes:
+    """Modes of a sample at its equilibrium by the reduced model.
+
+    Args:
+        models: what all samples share.
+        sample: the sample.
+        eq: its equilibrium.
+        line: the sample at other values of a parameter.
+    """
+    contact = linearised(sample, eq.k_vibration, eq.p)
+    zeta_max, model = _settings(models).zeta_max, models.reduction.of(sample)
+    return model.modes(sample.brake.point, contact, zeta_max, line)
+
+
+def full_modes(
+    models: Models, sample: Sample, eq: Equilibrium, comm: MPI.Comm = MPI.COMM_SELF
+) -> Modes:
+    """The same at full order, vectors on all dofs; shared by two processes of a communicator."""
+    brake, mu, settings = sample.brake, sample.friction.mu, _settings(models)
+    b, k = brake.contact, eq.k_vibration
+    friction = contact_interface(b.N, b.T, b.w * k, mu) if mu.any() else None
+    K = tangent(brake.K, b.N, b.T, b.w, k, mu)
+    return complex_modes(
+        brake.M, brake.C(sample.friction, eq.p), K, (settings.band[0], settings.band[1]),
+        zeta_max=settings.zeta_max, friction=friction, comm=comm,
+    )  # fmt: skip
+
+
+def linearised(sample: Sample, k: Array, p: Array) -> ContactLinearisation:
+    """Contact and friction of a sample at its equilibrium.
+
+    Args:
+        sample: the sample.
+        k: contact stiffness of small vibrations at equilibrium [Pa/m], shape (elements,).
+        p: pressure at equilibrium [Pa], likewise.
+    """
+    friction = sample.friction
+    return ContactLinearisation.of(k, friction.mu, *sample.brake.rates(friction, p))
+
+
+def displacements(
+    models: Models,
+    modes: Sequence[tuple[Sample, Mapping[str, Any], NDArray[np.intp]]],
+    comm: MPI.Comm,
+    aside: int = 0,
+) -> list[tuple[NDArray[np.complex128], Array]]:
+    """Displacements of some unstable modes of stored samples; collective.
+
+    Args:
+        models: what all samples share.
+        modes: of each sample its inputs, what was stored of it, and the numbers of the modes.
+        comm: processes that share the work.
+        aside: of these, the first so many do other work.
+
+    Returns:
+        Of each sample the displacements, shape (dofs, chosen), and their relative errors, shape
+        (chosen,).
+    """
+    out: dict[int, tuple[NDArray[np.complex128], Array]] = {}
+    for i, (*_, data, chosen) in enumerate(modes):
+        if "vectors" in data:
+            columns = [int(np.flatnonzero(data["vector_mode"] == mode)[0]) for mode in chosen]
+            vectors = data["vectors"][:, columns].astype(complex)
+            out[i] = vectors, np.zeros(len(columns))
+    for model in models.reduction.models.values():
+        left = (i for i in range(len(modes)) if i not in out)
+        served = [i for i in left if models.reduction.of(modes[i][0]) is model]
+        given = []
+        for sample, data, chosen in (modes[i] for i in served):
+            contact = linearised(sample, data["k_vibration"], data["p"])
+            a = data["coordinates"][:, chosen].astype(complex)
+            given.append((sample.brake.point, contact, data["s"][chosen], a))
+        found = model.displacements_of_samples(given, comm=comm, aside=aside)
+        out |= dict(zip(served, found, strict=True))
+    return [out[i] for i in range(len(modes))]
+
+
+def _settings(models: Models) -> Stability:
+    if models.stability is None:
+        raise ValueError("a scene without [stability] has no modes")
+    return models.stability
+
+
+def _full(
+    models: Models, sample: Sample, eq: Equilibrium, more: Sequence[More] = (),
+    comm: MPI.Comm = MPI.COMM_SELF,
+) -> Arrays:  # fmt: skip
+    """Modes at full order."""
+    modes = full_modes(models, sample, eq, comm)
+    mass = None if sample.brake.C(sample.friction, eq.p) is None else sample.brake.M
+    grown = np.flatnonzero(np.array(modes.verdict, str) == "unstable")
+    tolerance, masses = _settings(models).tolerance, models.brake.masses
+    out = {
+        **_stored(modes, tolerance, mass, masses, more, False),
+        "vectors": modes.right[:, grown].astype(np.complex64), "vector_mode": grown,
+    }  # fmt: skip
+    coordinates = models.coordinates.of(modes.right)
+    if coordinates is not None:
+        out["coordinates"] = coordinates.astype(np.complex64)
+    return out
+
+
+def _stored(
+    modes: Modes,
+    tolerance: float,
+    mass: sp.csr_matrix | None,
+    masses: Mapping[str, Any],
+    more: Sequence[More],
+    by_reduction: bool,
+) -> Arrays:
+    """Arrays of the modes: with their flutter partners and the layers' shares of kinetic energy.
+
+    Args:
+        modes: the modes.
+        tolerance: of their estimated errors.
+        mass: in the coordinates of their vectors; None without damping.
+        masses: of each layer, in these coordinates.
+        more: what else is made of them; what fails is named in ``lost``.
+        by_reduction: whether they are those of the reduced model.
+    """
+    partners = flutter_partners(modes.s)
+    if mass is not None:
+        unstable = np.array(modes.verdict, str) == "unstable"
+        partners = damped_partners(modes.s, modes.right, mass, unstable)
+    shares = energy_shares(masses, modes.right)
+    out: Arrays = {
+        "s": modes.s, "residual": modes.residual, "error": modes.error,
+        "condition": modes.condition, "verdict": np.array(modes.verdict, dtype=str),
+        "damping": modes.damping, "expected": modes.count.expected,
+        "count_kind": modes.count.kind, "counted": modes.count.how,
+        "tolerance_missed": _missed(modes, tolerance), "stability_seconds": modes.seconds,
+        "partner": partners, "layers": np.array(list(shares), dtype=str),
+        "shares": np.array(list(shares.values())).reshape(len(shares), len(modes)),
+    }  # fmt: skip
+    lost: list[str] = []
+    for name, make in more:
+        made, missing = spared(name, partial(make, modes, partners, by_reduction))
+        out |= made or {}
+        lost += missing
+    return out | ({"lost": "; ".join(lost)} if lost else {})
+
+
+def _missed(modes: Modes, tolerance: float) -> int:
+    """Modes whose estimated error is beyond the tolerance, rigid ones aside."""
+    return int(np.sum(relative_errors(modes.s, modes.error) > tolerance))

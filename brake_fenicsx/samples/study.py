@@ -1,0 +1,332 @@
+"""The samples of a scene: what they share, and each one's equilibrium and modes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.build.brake import Brake
+from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
+from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.sample_files import Task
+from brake_fenicsx.folder.store import Store
+from brake_fenicsx.macro.braking import reference_stiffness
+from brake_fenicsx.macro.gap import EnrichedGap
+from brake_fenicsx.micro.law import Laws
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.scalars import changes_bodies
+from brake_fenicsx.surface.hdf import HeightDistribution
+from brake_fenicsx.surface.waviness import Waviness
+
+from .ensemble import run_ensemble
+from .equilibria import Equilibria
+from .forces import moved
+from .inputs import PERFECT, note_laws, points_of
+from .models import Models
+from .sampling import Sample, draw_sample, sample_count, sample_seed
+
+if TYPE_CHECKING:
+    from brake_fenicsx.extras.limit_cycle.cycles import Cycles
+    from brake_fenicsx.macro.equilibrium import Equilibrium
+    from brake_fenicsx.stability.modes import Modes
+    from brake_fenicsx.stability.substructures.line import Basis
+
+    from .drivers import Drivers
+    from .solve import More
+
+Array = NDArray[np.float64]
+
+VERIFY = "verify"
+# [dofs] below which two processes may share a sample at full order: each holds a factor, and the
+# vectors that they exchange are a message of less than 2 GB.
+LARGEST = 500_000
+
+
+class Study:
+    """All samples of a scene on one brake."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        brake: Brake,
+        library: Laws | None,
+        hdf: HeightDistribution | None,
+        store: Store,
+        comm: MPI.Comm,
+        cache: SharedCache | None = None,
+        waviness: Waviness | None = None,
+    ):
+        """Collect what the samples need.
+
+        Args:
+            scene: the scene.
+            brake: its operators.
+            library: pressure-gap laws, if the scene makes any.
+            hdf: height distribution, if the scene has a surface.
+            store: the results folder.
+            comm: processes that share the samples.
+            cache: what the folder shares with others; nothing if None.
+            waviness: mean heights of patches, where critical gaps are drawn from them.
+        """
+        self.waviness = waviness
+        self.scene: Scene = scene
+        self.brake: Brake = brake
+        self.library: Laws | None = library
+        self.hdf: HeightDistribution | None = hdf
+        self.store: Store = store
+        self.comm: MPI.Comm = comm
+        self.facts: dict[str, Any] = {}
+        approaches = scene.samples.approaches
+        count = {name: sample_count(scene, name) for name in approaches}
+        self.points: dict[str, Array | None] = {name: points_of(scene, name) for name in approaches}
+        self.tasks: list[Task] = [(name, k) for name in approaches for k in range(count[name])]
+        self.models: Models = Models(scene, count, store, comm, cache or SharedCache(store))
+        self.equilibria: Equilibria | None = None
+        self._displaced: dict[Task, Array] = {}
+        self._first: dict[str, Array | None] = {}
+        # Of the last sample, with the scene's moduli.
+        self._laws: dict[Task, EnrichedGap] = {}
+        # Vectors of the families, once the tables are written; on one process.
+        self.families: NDArray[np.complex128] | None = None
+        self.squealing: list[int] = []
+        self.drivers: Drivers | None = None
+        self.cycles: Cycles | None = None
+        reduced = self.models.reduction.by_reduction
+        self.verified: str = next((name for name in approaches if reduced[name]), "")
+        self.verify: list[Task] = []
+        if scene.stability is not None and self.verified:
+            most = min(scene.stability.verify, count[self.verified])
+            self.verify = [(VERIFY, k) for k in range(most)]
+
+    def prepare(self) -> None:
+        """Factor the reference, and make or load the reduced models."""
+        brake, models = self.brake, self.models
+        note_laws(self.scene)
+        models.assemble(brake)
+        pressure = brake.pressed / float(brake.w.sum())
+        # Any value serves; a round one is that of similar scenes too.
+        k0 = float(f"{reference_stiffness(self._reference_laws(), pressure):.1e}")
+        models.prepare(np.full(len(brake.w), k0))
+        self.facts |= {"reference_stiffness_Pa_per_m": k0, **models.facts}
+        steps = max((load.steps for load in self.scene.loads.values()), default=1)
+        self.equilibria = Equilibria(models, steps, self.scene.equilibrium.tolerance)
+        if models.stability is not None and models.stability.drivers:
+            from .drivers import Drivers
+
+            self.drivers = Drivers(self.scene, models, self.equilibria)
+        if models.stability is not None and self.scene.limit_cycle is not None:
+            from brake_fenicsx.extras.limit_cycle.cycles import Cycles
+
+            self.cycles = Cycles(self.scene, models)
+
+    def _reference_laws(self) -> EnrichedGap:
+        """Laws of the first sample that can be drawn, of rough contact if there is any."""
+        names = self.scene.samples.approaches
+        name = next((n for n in names if n not in PERFECT), names[0])
+        for k in range(sum(task[0] == name for task in self.tasks)):
+            try:
+                return self.sample((name, k)).laws
+            except InaccurateResult as error:
+                reason = error
+        raise reason
+
+    def run(self, first: int | None = None) -> None:
+        """Run every sample that is not stored yet; long ones first, then approaches of few samples.
+
+        Args:
+            first: so many of each approach, without the verification; all if None.
+        """
+        reduced = self.models.reduction.by_reduction
+        tasks = [t for t in self.tasks if first is None or t[1] < first]
+        long = [t for t in tasks if not reduced[t[0]]] + ([] if first else self.verify)
+        # One sample that takes long comes before many, which fill the time of the others.
+        count = Counter(approach for approach, _ in tasks)
+        short = sorted((t for t in tasks if reduced[t[0]]), key=lambda t: count[t[0]])
+        # An equilibrium alone is no work for several processes.
+        paired = self.models.stability is not None and self.brake.K.shape[0] < LARGEST
+        run_ensemble(short, self.work, self.store, self.comm, long, paired=paired)
+
+    def work(self, task: Task, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, Any]:
+        """Equilibrium and modes of one sample, as arrays to store.
+
+        Args:
+            task: approach and number of the sample.
+            comm: processes that share it; the first has what is to be stored.
+
+        Raises:
+            BrakeError: it has none, a matrix of it is singular, or its verification fails; what is
+                known of its inputs is in ``known``.
+        """
+        approach, k = task
+        known: dict[str, Any] = {"seed": np.uint64(sample_seed(self.scene.samples.seed, k))}
+        try:
+            sample = self.sample((self.verified if approach == VERIFY else approach, k))
+            names = sorted(sample.values)
+            known |= {
+                "mu": sample.friction.mu, "random_names": np.array(names, dtype=str),
+                "random": np.array([sample.values[n] for n in names]),
+            }  # fmt: skip
+            if sample.values:
+                known["rejected"] = sample.rejected
+            return known | self._solved(task, sample, comm)
+        except Exception as error:
+            failed = self._named(task, error)
+            if failed is None:
+                raise
+            failed.known = {**known, **failed.known}
+            if failed is error:
+                raise
+            raise failed from error
+
+    def _named(self, task: Task, error: Exception) -> BrakeError | None:
+        """How a sample fails; None for a defect of the program, which ends the run."""
+        if isinstance(error, BrakeError):
+            return error
+        if isinstance(error, np.linalg.LinAlgError):
+            return InaccurateResult(f"a matrix of the sample: {error}")
+        # Beside the samples: whatever it is costs the comparison alone.
+        if task[0] == VERIFY:
+            return InaccurateResult(f"verification at full order: {error}")
+        return None
+
+    def _solved(self, task: Task, sample: Sample, comm: MPI.Comm) -> dict[str, Any]:
+        """Equilibrium and modes of a sample by its inputs; arguments as above."""
+        k, models, own = task[1], self.models, task[0] != VERIFY
+        reduced = own and models.reduction.takes(sample)
+        start = self._first_gaps(sample.approach) if k and reduced else None
+        eq = self.balance(sample, reduced, start)
+        out: dict[str, Any] = {
+            "mu_equilibrium": sample.friction.equilibrium,
+            "g": eq.g, "g_cr": sample.laws.g_cr, "p": eq.p, "k": eq.k,
+            "k_vibration": eq.k_vibration, "law": sample.laws.index,
+            "equilibrium_iterations": sum(eq.iterations), "equilibrium_residual": eq.residual,
+            "equilibrium_seconds": eq.seconds,
+        }  # fmt: skip
+        contact = sample.brake.contact
+        out["beyond_laws"] = sample.laws.beyond(eq.p, contact.w)
+        if contact is not self.brake.contact:
+            out["moved"] = moved(contact)
+        if models.stability is not None:
+            from .solve import modes_of_sample
+
+            more: list[More] = []
+            if self.drivers is not None and own and comm.rank == 0:
+                more.append(("drivers", partial(self.drivers.of, sample, eq, k == 0)))
+            if self.cycles is not None and own and comm.rank == 0:
+                more.append(("limit cycles", partial(self.cycles.of, sample, eq)))
+            out |= modes_of_sample(models, sample, eq, reduced, more, comm)
+        return out
+
+    def _first_gaps(self, approach: str) -> Array | None:
+        """Gaps of the first sample of an approach [m], from which the others start.
+
+        Each process computes them for itself, so that no sample depends on which others its process
+        took. None where the first sample has no equilibrium.
+        """
+        if approach not in self._first:
+            self._first[approach] = None
+            with suppress(BrakeError):
+                self._first[approach] = self.balance(self.sample((approach, 0)), True).g
+        return self._first[approach]
+
+    def solved(
+        self, task: Task, values: Mapping[str, float], start: Array | None = None,
+        line: Basis | None = None,
+    ) -> tuple[Equilibrium, Modes]:  # fmt: skip
+        """Equilibrium and modes of a sample some of whose inputs take other values; not stored.
+
+        Args:
+            task: approach and number of the sample.
+            values: scalars of the scene by dotted key, SI.
+            start: gaps of an equilibrium nearby [m], to start from.
+            line: the sample at other values, on whose vectors its modes are found where these
+                suffice.
+
+        Returns:
+            The equilibrium, and the modes with vectors in coordinates in which the mass is about
+            the identity.
+        """
+        from .solve import full_modes, reduced_modes
+
+        models = self.models
+        known = models.brake.changes.box.names if models.brake.changes else []
+        for key in values:
+            if changes_bodies(self.scene, key) and key not in known:
+                raise SceneError(
+                    f"{key}: enters the matrices of the bodies; name it in [sweep.parameters] or"
+                    " [samples.random], or give its range to prepare(.., parameters={..})"
+                )
+        sample = self.sample(task, values)
+        reduced = models.reduction.takes(sample)
+        eq = self.balance(sample, reduced, start)
+        if reduced:
+            return eq, reduced_modes(models, sample, eq, line)
+        modes = full_modes(models, sample, eq)
+        right, left = models.coordinates.of(modes.right), models.coordinates.of(modes.left)
+        if right is None or left is None:
+            raise ValueError("prepare() made no coordinates")
+        return eq, replace(modes, right=right, left=left)
+
+    def limit_cycles(self, task: Task, values: Mapping[str, float]) -> dict[str, Any]:
+        """Limit cycles of a sample, see ``cycles_of_modes``; arguments as in ``solved``."""
+        if self.cycles is None:
+            raise ValueError("a scene without [limit_cycle]")
+        eq, modes = self.solved(task, values)
+        sample = self.sample(task, values)
+        reduced = self.models.reduction.takes(sample)
+        return self.cycles.of(sample, eq, modes, np.arange(len(modes)), reduced)
+
+    def displacements(self, stored: Mapping[Task, Mapping[str, Any]]) -> dict[Task, Array]:
+        """Displacements of the equilibria of stored samples [m], shape (dofs,) each; kept."""
+        if self._displaced.keys() != stored.keys():
+            given = [(self.sample(task), data) for task, data in stored.items()]
+            found = self._prepared.displacements(given)
+            self._displaced = dict(zip(stored, found, strict=True))
+        return self._displaced
+
+    @property
+    def _prepared(self) -> Equilibria:
+        if self.equilibria is None:
+            raise ValueError("prepare() comes first")
+        return self.equilibria
+
+    def sample(self, task: Task, values: Mapping[str, float] | None = None) -> Sample:
+        """A sample with its brake, laws and friction, before its equilibrium.
+
+        Args:
+            task: approach and number of the sample.
+            values: scalars by dotted key, SI, in place of those that are drawn or the scene's.
+
+        Raises:
+            InaccurateResult: its point of the design cannot be used and may not be replaced.
+            SceneError: no brake has the given values.
+        """
+        (approach, k), points = task, self.points[task[0]]
+        drawn = draw_sample(
+            self.scene, approach, k, self.models.brake.at, self.library, self.hdf,
+            None if points is None else points[k], self.waviness, values, self._laws.get(task),
+        )  # fmt: skip
+        self._laws = {} if drawn.values.materials else {task: drawn.laws}
+        return drawn
+
+    def balance(
+        self, sample: Sample, reduced: bool = False, start: Array | None = None
+    ) -> Equilibrium:
+        """Braking equilibrium of a sample; see ``Equilibria.of``."""
+        return self._prepared.of(sample, reduced, start)
+
+    def stored(self, task: Task) -> dict[str, Any]:
+        """What was stored of a sample."""
+        found = self.store.samples.load(task)
+        if found is None:
+            raise ValueError(f"{task}: not computed")
+        return found

@@ -1,0 +1,254 @@
+"""Decks of Nastran and archives of Ansys: the same body however it is written.
+
+The body is a sector of a ring, radius 96 to 140 mm, 60 degrees, 10 mm thick, of 6 CHEXA.
+"""
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extras.decks.draft.text import write_scene
+from brake_fenicsx.meshing.meshfile import read_mesh_file
+from brake_fenicsx.scene import read_scene
+
+pytest.importorskip("pyNastran")
+R, ANGLE, Z = (96.0, 118.0, 140.0), (60.0, 80.0, 100.0, 120.0), (0.0, 10.0)
+POLAR = np.array([(r, a, z) for z in Z for a in ANGLE for r in R])
+_R, _A, _Z = POLAR.T
+CARTESIAN = np.column_stack([_R * np.cos(np.radians(_A)), _R * np.sin(np.radians(_A)), _Z])
+CELLS = [[o + i + 3 * j + d for o in (0, 12) for d in (0, 1, 4, 3)]
+         for j in range(3) for i in range(2)]  # fmt: skip
+MATERIAL = "PSOLID,1,7\nMAT1,7,125000.,,.24,7.2-9\n"
+CORD2C = "CORD2C,5,0,0.,0.,0.,0.,0.,1.,\n,1.,0.,0.\n"
+SHIFTED = "CORD2R,5,0,0.,0.,50.,0.,0.,51.,\n,1.,0.,50.\n"
+
+
+def grid(points, cp=""):
+    """GRID cards in fields of 16 columns."""
+    return "".join(
+        f"GRID*   {n:16d}{cp:>16}{x:16.9f}{y:16.9f}\n*       {z:16.9f}\n"
+        for n, (x, y, z) in enumerate(points, 1)
+    )
+
+
+def cells(rows=CELLS, form="small"):
+    """CHEXA cards in fields of 8 columns, with a blank continuation, or free."""
+    lines = []
+    for number, row in enumerate(rows, 1):
+        words = [str(number), "1", *(str(n + 1) for n in row)]
+        if form == "free":
+            lines.append("CHEXA," + ",".join(words[:8]) + "\n," + ",".join(words[8:]) + "\n")
+            continue
+        mark = "+" if form == "small" else " "
+        first, second = ("".join(f"{w:>8}" for w in part) for part in (words[:8], words[8:]))
+        lines.append(f"CHEXA   {first}{mark}\n{mark:8}{second}\n")
+    return "".join(lines)
+
+
+BEGIN, END = "SOL 103\nCEND\nBEGIN BULK\n", "ENDDATA\n"
+FORMS = {
+    "plain": BEGIN + grid(CARTESIAN) + cells() + MATERIAL + END,
+    "no BEGIN BULK": grid(CARTESIAN) + cells() + MATERIAL,
+    "blank continuations": BEGIN + grid(CARTESIAN) + cells(form="blank") + MATERIAL + END,
+    "free format": BEGIN + grid(CARTESIAN) + cells(form="free") + MATERIAL + END,
+    "a spring beside": BEGIN + grid(CARTESIAN) + cells() + "CELAS1,901,7,1,1,2,1\n" + MATERIAL
+    + END,
+    "cylindrical points": BEGIN + CORD2C + grid(POLAR, "5") + cells() + MATERIAL + END,
+    "GRDSET": BEGIN + CORD2C + "GRDSET,,5\n" + grid(POLAR) + cells() + MATERIAL + END,
+    "GRDSET, not for 0": BEGIN + CORD2C + "GRDSET,,5\n" + grid(CARTESIAN, "0") + cells() + MATERIAL
+    + END,
+    "a shifted system": BEGIN + SHIFTED + grid(CARTESIAN - [0, 0, 50.0], "5") + cells() + MATERIAL
+    + END,
+    "INCLUDE": BEGIN + grid(CARTESIAN) + cells(CELLS[:4]) + "INCLUDE 'rest.inc'\n" + MATERIAL + END,
+    "DOS ends": (BEGIN + grid(CARTESIAN) + cells() + MATERIAL + END).replace("\n", "\r\n"),
+}  # fmt: skip
+REST = cells(CELLS).split("CHEXA")[5:]
+
+
+def drafted(folder, text, name="sector.bdf"):
+    """Mesh, scene and text of the scene."""
+    file, scene = folder / name, folder / "sector.toml"
+    file.write_bytes(text.encode())
+    scene.unlink(missing_ok=True)
+    write_scene(file, scene)
+    return read_mesh_file(file), read_scene(scene), scene.read_text()
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_the_same_body(form, tmp_path):
+    """Positions of the Cartesian twin to its digits, cells and material; pyNastran 1.4.1 itself
+    gives points of GRDSET basic coordinates, and meshio 5.3.5 reads none of these but the plain."""
+    (tmp_path / "rest.inc").write_text("".join(f"CHEXA{card}" for card in REST))
+    mesh, scene, text = drafted(tmp_path, FORMS[form])
+    np.testing.assert_allclose(mesh.points, CARTESIAN, atol=2e-7)
+    assert sorted(map(sorted, mesh.cells.tolist())) == sorted(map(sorted, CELLS))
+    assert scene.materials["MAT7"].E == 125e9
+    assert scene.materials["MAT7"].rho == pytest.approx(7200.0)
+    assert text.count("not taken over:") == (form == "a spring beside")
+    if form == "a spring beside":
+        assert "[springs]\n# not taken over: CELAS1,901,7,1,1,2,1 (sector.bdf:" in text
+
+
+@pytest.mark.parametrize("place", [0, 2])
+def test_middle_nodes_of_a_chexa(place, tmp_path):
+    """Nastran has the upright edges before the upper ones; the box stays one in its place."""
+    low = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0)]
+    corners = [(x * 20.0, y * 20.0, z) for z in (0.0, 40.0) for x, y, _ in low]
+    pairs = [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 5), (2, 6), (3, 7), (4, 5), (5, 6),
+             (6, 7), (7, 4)]  # fmt: skip
+    points = np.array(corners + [np.mean([corners[a], corners[b]], axis=0) for a, b in pairs])
+    card = "CHEXA,1,1,1,2,3,4,5,6\n,7,8,9,10,11,12,13,14\n,15,16,17,18,19,20\n"
+    mesh, *_ = drafted(tmp_path, grid(points) + card + MATERIAL)
+    from brake_fenicsx.meshing.rawmesh import EDGES
+
+    x = mesh.points[mesh.cells[0]]
+    for k, (a, b) in enumerate(EDGES["hexahedron"]):
+        np.testing.assert_allclose(x[8 + k], 0.5 * (x[a] + x[b]), atol=1e-9)
+    if place:
+        lost = card.replace(",15,16,", ",15,,").replace(",20\n", "\n")
+        with pytest.raises(SceneError, match=r"CHEXA 1 has 1\d nodes; write all middle nodes"):
+            drafted(tmp_path, grid(points) + lost + MATERIAL)
+
+
+def test_what_changes_the_brake_is_taken_or_said(tmp_path):
+    """WTMASS multiplies densities; GE is a loss factor; MAT9, SPC1, PS, loads have a line."""
+    more = "PARAM,WTMASS,0.5\nPARAM,POST,-1\nSPC1,1,123,1,2\nFORCE,1,1,,1.,0.,0.,1.\nEIGRL,1,,,9\n"
+    text = BEGIN + grid(CARTESIAN) + cells() + more + MATERIAL.replace("7.2-9", "7.2-9,,,.02") + END
+    _, scene, said = drafted(tmp_path, text)
+    assert scene.materials["MAT7"].rho == pytest.approx(3600.0)
+    assert scene.materials["MAT7"].loss == 0.02
+    assert "[supports]\n# not taken over: SPC1,1,123,1,2 (sector.bdf:" in said
+    assert "[loads]\n# not taken over: FORCE,1,1,,1.,0.,0.,1. (sector.bdf:" in said
+    assert said.count("not taken over:") == 2
+    for card in ("MAT8,7,1.,1.,.3,1.\n", "MAT9,7,1.,0.,0.,0.,0.,0.,1.\n"):
+        file, scene = tmp_path / "other.bdf", tmp_path / "other.toml"
+        scene.unlink(missing_ok=True)
+        file.write_text(BEGIN + grid(CARTESIAN) + cells() + "PSOLID,1,7\n" + card + END)
+        write_scene(file, scene, ["mm", "t", "s"])
+        said = scene.read_text()
+        assert f"# not taken over: {card.strip()} (other.bdf:" in said and "# missing: MAT7" in said
+    held = grid(CARTESIAN).replace("*       ", "*       ", 1) + cells() + "GRDSET,,,,,,,123\n"
+    _, _, said = drafted(tmp_path, BEGIN + held + MATERIAL + END)
+    assert "24 points are held by their GRID or GRDSET: write [supports]" in said
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (grid(CARTESIAN) + "=,*1,==\n" + cells(), "replicated cards are not read"),
+        (BEGIN + grid(CARTESIAN) + "BEGIN SUPER=1\n" + cells(), "superelements are not read"),
+        (
+            grid(CARTESIAN) + cells() + "INCLUDE 'nowhere.inc'\n",
+            "included file cannot be read.*now",
+        ),
+        (grid(CARTESIAN).replace("GRID*   ", "GRID*   x", 1) + cells(), "sector.bdf:1: GRID"),
+        (grid(CARTESIAN, "9") + cells(), "cannot be read"),
+        (grid(CARTESIAN) + cells(CELLS + CELLS[:1]), "elements 1 and 7 have the same corners"),
+    ],
+)
+def test_decks_that_are_refused(text, said, tmp_path, monkeypatch, capsys):
+    """One line and no file: pyNastran 1.4.1 would leave a pyNastran_crash.bdf where one stands."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SceneError, match=said) as refused:
+        drafted(tmp_path, text)
+    assert "\n" not in str(refused.value) and "".join(capsys.readouterr()) == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["sector.bdf"]
+
+
+ARCHIVE = """/PREP7
+{types}
+NBLOCK,6,SOLID,{count},{count}
+{form}
+{nodes}N,UNBL,LOC,       -1,
+EBLOCK,19,SOLID,{cells},{cells}
+(19i9)
+{rows}       -1
+{more}
+FINISH
+"""
+ISOTROPIC = "MP,EX,1,125000.\nMP,NUXY,1,0.24\nMP,DENS,1,7.2e-9\n"
+SHAPES = {"(3i9,6e21.13e3)": (9, 9, 9), "(1i7,2i9,6e21.13)": (7, 9, 9), "(3i8,6e20.13)": (8, 8, 8)}
+
+
+def archive(types="ET,1,185\nET,2,173", form="(3i9,6e21.13e3)", more=ISOTROPIC, angles="", esys=0):
+    """The sector as blocked .cdb, with four contact elements of type 2."""
+    widths, real = SHAPES[form], 20 if "20.13" in form else 21
+    nodes = "".join(
+        f"{n:{widths[0]}d}{0:{widths[1]}d}{0:{widths[2]}d}"
+        + "".join(f"{v:{real}.13E}" for v in x) + angles + "\n"
+        for n, x in enumerate(CARTESIAN, 1)
+    )  # fmt: skip
+    rows = [
+        [1, 1, 1, 1, esys, 0, 0, 0, 8, 0, k, *(n + 1 for n in c)] for k, c in enumerate(CELLS, 1)
+    ]
+    rows += [[1, 2, 1, 1, 0, 0, 0, 0, 4, 0, 90 + k, 1, 2, 5, 4] for k in range(4)]
+    text = "".join("".join(f"{v:9d}" for v in row) + "\n" for row in rows)
+    return ARCHIVE.format(types=types, count=24, form=form, nodes=nodes, cells=10, rows=text,
+                          more=more)  # fmt: skip
+
+
+BLOCK = "ETBLOCK,        2,        2\n(2i9,19a9)\n        1      185" + "        0" * 19
+BLOCK += "\n        2      173" + "        0" * 19 + "\n       -1"
+
+
+@pytest.mark.parametrize("form", SHAPES)
+@pytest.mark.parametrize("types", ["ET,1,185\nET,2,173", "ET,1,SOLID185\nET,2,CONTA173", BLOCK])
+def test_types_and_formats_of_ansys(types, form, tmp_path):
+    """By number, by name, and ETBLOCK, the default since 2023 R1; three formats of NBLOCK."""
+    mesh, scene, text = drafted(tmp_path, archive(types, form), "sector.cdb")
+    np.testing.assert_allclose(mesh.points, CARTESIAN, atol=1e-9)
+    assert len(mesh.cells) == 6 and "not taken over: 4 CONTA173 elements" in text
+    assert scene.materials["MAT1"].E == 125e9 and text.count("not taken over:") == 1
+
+
+def test_an_unknown_type_is_no_solid(tmp_path):
+    with pytest.raises(SceneError, match="no tetrahedra or hexahedra"):
+        drafted(tmp_path, archive("ET,2,173"), "sector.cdb")
+
+
+ORTHOTROPIC = "".join(
+    f"MPDATA,R5.0, 1,{label:4},     1, 1, {value},\n"
+    for label, value in (
+        ("EX", 8000.0), ("EY", 7000.0), ("EZ", 2000.0), ("PRXY", 0.31), ("PRYZ", 0.32),
+        ("PRXZ", 0.33), ("GXY", 3000.0), ("GYZ", 1100.0), ("GXZ", 1200.0), ("DENS", 2.5e-9),
+    )
+)  # fmt: skip
+
+
+def test_orthotropic_constants_of_ansys(tmp_path):
+    """Nine constants in a scene's order; one less, a second value, element axes have a line."""
+    _, scene, text = drafted(tmp_path, archive(more=ORTHOTROPIC), "sector.cdb")
+    own = scene.materials["MAT1"]
+    assert own.model == "orthotropic" and pytest.approx((8e9, 7e9, 2e9)) == own.E
+    assert own.nu == (0.31, 0.33, 0.32) and pytest.approx((1.1e9, 1.2e9, 3e9)) == own.G
+    assert own.rho == pytest.approx(2500.0) and text.count("not taken over:") == 1
+    file, scene = tmp_path / "less.cdb", tmp_path / "less.toml"
+    for more, said in (
+        (ORTHOTROPIC.replace("GXZ ", "ALPX"), "no elastic constant or density"),
+        (ISOTROPIC + "MP,EX,1,5.\n", "several values"),
+        ("MP,DENS,1,7.2e-9\nMP,ALPX,1,1e-5\n", "no elastic constant or density"),
+        (ORTHOTROPIC.replace("8000.0,", "8000.0, 9000.0,"), "several values"),
+    ):
+        file.write_text(archive(more=more))
+        scene.unlink(missing_ok=True)
+        write_scene(file, scene, ["mm", "t", "s"])
+        text = scene.read_text()
+        assert said in text and "# missing: MAT1" in text
+    _, scene, text = drafted(tmp_path, archive(more=ISOTROPIC + "MP,ALPX,1,1e-5\n"), "sector.cdb")
+    assert scene.materials["MAT1"].E == 125e9 and "MP,ALPX,1,1e-5 (sector.cdb:" in text
+    _, _, text = drafted(tmp_path, archive(esys=12), "sector.cdb")
+    assert "solids have element coordinate systems 12: write the axis of the part" in text
+
+
+TURNED = "".join(f"{v:21.13E}" for v in (90.0, 0.0, 0.0))
+HELD = ISOTROPIC + "".join(f"D,{n},UX,0.\n" for n in range(1, 13))
+
+
+@pytest.mark.parametrize(("angles", "along"), [("", ("x",)), (TURNED, ("y",)), (None, None)])
+def test_turned_nodes_of_ansys(angles, along, tmp_path):
+    """UX of nodes that are turned by 90 degrees about z holds y; by 30 degrees it is said."""
+    if angles is None:
+        angles = TURNED.replace("9.0000000000000E+01", "3.0000000000000E+01")
+    _, scene, text = drafted(tmp_path, archive(more=HELD, angles=angles), "sector.cdb")
+    assert [*scene.supports.values()] == ([along] if along else [])
+    assert ("along axes of its nodes that are not x, y and z" in text) == (along is None)

@@ -1,0 +1,81 @@
+"""Two surfaces and their laws side by side: numbers of both runs, their ratio, one page."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.cli import main
+from brake_fenicsx.extras.variants.surfaces import pressures, surface_rows
+from brake_fenicsx.micro import load_laws
+from brake_fenicsx.pipeline import run
+from brake_fenicsx.results.run import read_run
+from brake_fenicsx.results.tables import read_rows
+from brake_fenicsx.surface import given_statistics, synthesise
+
+SCENE = """\
+stages = ["surface", "micro"]
+[surface]
+scan = "a.npy"
+size = ["3 mm", "3 mm"]
+height_unit = "m"
+level = "none"
+[micro]
+patch = "3 mm"
+pixels = 64
+laws = 4
+E = "2 GPa"
+nu = 0.4
+scans = 0
+hardness = "200 MPa"
+"""
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """A scan with two hardnesses, and another scan twice as high."""
+    folder = tmp_path_factory.mktemp("surfaces")
+    (folder / "s.toml").write_text(SCENE)
+    paper = given_statistics(20e-6, 0.0, 3.0)
+    h = synthesise(paper.spectrum, paper.hdf, (64, 64), (3e-3, 3e-3), np.random.default_rng(0))
+    np.save(folder / "a.npy", h.heights)
+    np.save(folder / "b.npy", 2 * h.heights)
+    for name, change in (
+        ("a", []), ("hard", ["micro.hardness='400 MPa'"]), ("high", ["surface.scan=b.npy"]),
+        ("same", []),
+    ):  # fmt: skip
+        run(folder / "s.toml", MPI.COMM_SELF, folder / name, change)
+    return folder
+
+
+def test_a_surface_twice_as_high(runs):
+    rows = {(r[0], r[2]): r for r in surface_rows((read_run(runs / "a"), read_run(runs / "high")))}
+    assert rows["S_q", None][7] == pytest.approx(2.0)
+    assert rows["S_sk", None][7] == pytest.approx(1.0)
+    x, ex, y, ey = rows["S_q", None][3:7]
+    assert rows["S_q", None][8] == pytest.approx((y - x) / np.hypot(ex, ey))
+
+
+def test_two_hardnesses_side_by_side(runs, tmp_path, capsys):
+    """The ratio of the medians over the laws; the surfaces are the same."""
+    assert main(["compare", str(runs / "a"), str(runs / "hard"), "-o", str(tmp_path)]) == 0
+    assert "stiffness of vibrations at 0.2 MPa" in capsys.readouterr().out
+    rows = read_rows(tmp_path / "compare_surface.csv")
+    assert all(row["ratio"] in (1.0, None) for row in rows if row["pressure_Pa"] is None)
+    (own,) = [r for r in rows if r["quantity"] == "stiffness of vibrations"
+              and r["pressure_Pa"] == 0.2e6]  # fmt: skip
+    a, b = (np.median(load_laws(runs / n / "laws.npz").at_pressure(2e5).v) for n in ("a", "hard"))
+    assert (own["a"], own["b"], own["ratio"]) == pytest.approx((a, b, b / a))
+    page = (tmp_path / "compare.html").read_text()
+    assert "hardness 200 MPa" in page and "hardness 400 MPa" in page and "<img" in page
+
+
+def test_surfaces_that_are_the_same_are_compared_too(runs, tmp_path):
+    assert main(["compare", str(runs / "a"), str(runs / "same"), "-o", str(tmp_path)]) == 0
+    assert {row["ratio"] for row in read_rows(tmp_path / "compare_surface.csv")} <= {1.0, None}
+
+
+def test_laws_are_compared_at_the_pressure_of_the_brake(runs):
+    one = read_run(runs / "a")
+    one.summary.update(pressed_N=600.0, face_area_mm2=2000.0)
+    assert 0.3e6 in pressures((one, read_run(runs / "hard")))

@@ -1,0 +1,75 @@
+"""Correlated random inputs: moments of the drawn samples, and what check refuses."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.cli import main
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.samples.designs import correlation_root
+from brake_fenicsx.samples.inputs import draw_inputs, points_of
+from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene.samples import Distribution
+
+SCENE = Path(__file__).parents[2] / "scripts" / "scenes" / "squealing_block.toml"
+C33, C44 = (f"materials.lining.{name}" for name in ("C33", "C44"))
+FRICTION = "contact.block_plate.friction"
+LAW = "law = 'lognormal', mean = '{} GPa', sd = '{} GPa'"
+
+
+def changes(r=0.7, other=0.0, design="random"):
+    """Two stiffnesses and a friction coefficient."""
+    return [
+        "countermeasures=[]",
+        f"samples.design={design}",
+        f"samples.random.'{C33}'={{ {LAW.format(2.27, 0.2)}, correlation = {{ '{C44}' = {r} }} }}",
+        f"samples.random.'{C44}'={{ {LAW.format(1.18, 0.15)} }}",
+        f"samples.random.'{FRICTION}'={{ law = 'normal', mean = 0.45, sd = 0.05, correlation ="
+        f" {{ '{C33}' = {other}, '{C44}' = {-other} }} }}",
+    ]
+
+
+@pytest.mark.parametrize("design", ["random", "latin-hypercube"])
+def test_moments_of_drawn_samples(design):
+    """Means and deviations of each law stay; the logarithms have the correlation."""
+    n = 4000
+    scene = read_scene(SCENE, [*changes(design=design), f"samples.n={n}"])
+    rng, points = np.random.default_rng(3), points_of(scene, "multi-scale")
+    drawn = [draw_inputs(scene, "multi-scale", None if points is None else points[k], rng)[0]
+             for k in range(n)]  # fmt: skip
+    a, b, mu = (np.array([d[name] for d in drawn]) for name in (C33, C44, FRICTION))
+    for values, mean, sd in ((a, 2.27e9, 0.2e9), (b, 1.18e9, 0.15e9), (mu, 0.45, 0.05)):
+        assert np.mean(values) == pytest.approx(mean, abs=4 * sd / np.sqrt(n))
+        assert np.std(values) == pytest.approx(sd, rel=0.06)
+    assert np.corrcoef(np.log(a), np.log(b))[0, 1] == pytest.approx(0.7, abs=0.035)
+    assert abs(np.corrcoef(np.log(a), mu)[0, 1]) < 0.07
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({"r": 0.95, "other": 0.9}, "not positive definite (smallest eigenvalue -"),
+        ({"r": 1.2}, "must lie between -1 and 1"),
+        ({"design": "saltelli"}, "design = 'saltelli' needs independent inputs"),
+    ],
+)
+def test_check_refuses_correlations_of_no_inputs(words, said, capsys):
+    given = [w for change in changes(**words) for w in ("--set", change)]
+    assert main(["check", str(SCENE), *given, "--set", "samples.n=100"]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_correlation_with_no_input_is_refused(capsys):
+    given = [c.replace("C44' = 0.7", "C66' = 0.7") for c in changes()]
+    assert main(["check", str(SCENE), *(w for c in given for w in ("--set", c))]) == 2
+    assert 'C66": is no random input' in capsys.readouterr().err
+
+
+def test_a_correlation_with_itself_is_named():
+    """It is one; others that there are are named for a key that is none."""
+    law = Distribution("uniform", min=0.0, max=1.0, correlation={"a": 0.5})
+    with pytest.raises(SceneError, match="of an input with itself; leave it out"):
+        correlation_root({"a": law, "b": law}, "random")
+    with pytest.raises(SceneError, match=r"is no random input; others are c$"):
+        correlation_root({"b": law, "c": law}, "random")

@@ -1,0 +1,202 @@
+"""Thicknesses that vary from sample to sample: matrices, modes, derivatives, refusals."""
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx import model
+from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.changes import assemble_changes
+from brake_fenicsx.build.damping_terms import damping_terms
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.samples.solve import full_modes
+from brake_fenicsx.scene import read_scene
+
+SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
+BLOCK = SCENES / "block_on_plate.toml"
+# As many cells over the height whatever it is, so that meshes of two heights have the same cells.
+COARSE = [
+    "stages=['equilibrium','stability']", "parts.block.size='12 mm'", "parts.plate.size='15 mm'",
+    "mesh.cells='hexahedra'", "stability.band=['0 Hz','20 kHz']", "stability.method=reduced",
+]  # fmt: skip
+HEIGHT, PLATE, C44 = "parts.block.height", "parts.plate.height", "materials.lining.C44"
+DAMPED = 'stability.damping={ rayleigh=["300 1/s", "2e-7 s"], loss=true, omega_ref="5 kHz" }'
+TURNING = [
+    "motion={ axis='z', point=['40 mm', 0, 0], speed='20 rad/s' }",
+    "stability.damping={ rayleigh=['300 1/s', '2e-7 s'], gyroscopic=['plate'] }",
+]  # fmt: skip
+LOSS = "materials.lining.loss=0.05"
+
+
+def written(height, plate, *changes):
+    """The scene with these heights, meshed anew: the plate grows downwards."""
+    sets = [f"parts.block.height='{height!r} m'", f"parts.plate.height='{plate!r} m'"]
+    return [*COARSE, *sets, f"parts.plate.z='{-plate!r} m'", *changes]
+
+
+def at_full_order(prepared, values):
+    study = prepared.study
+    sample = study.sample(("multi-scale", 0), values)
+    return full_modes(study.models, sample, study.balance(sample))
+
+
+@pytest.mark.parametrize("lumped", [[], ["mesh.mass=lumped", "mesh.degree=1"]])
+def test_matrices_of_a_thickness_are_those_of_the_scene_written_with_it(lumped):
+    """Also beside a modulus of the same layer, to round-off."""
+    sweep = [
+        f'sweep.parameters={{ "{HEIGHT}"={{ values=["16 mm","24 mm"] }},'
+        f' "{C44}"={{ values=["0.9 GPa","1.5 GPa"] }} }}',
+        DAMPED, LOSS, *lumped,
+    ]  # fmt: skip
+    scene = read_scene(BLOCK, [*COARSE, *sweep])
+    brake = assemble_brake(scene, MPI.COMM_SELF)
+    changes = assemble_changes(scene, brake)
+    values = {HEIGHT: 23e-3, C44: 1.3e9}
+    # The mesh has two cells over 20 mm and over 23 mm.
+    scene = read_scene(BLOCK, written(23e-3, 10e-3, "materials.lining.C44='1.3 GPa'", *sweep[1:]))
+    expected = assemble_brake(scene, MPI.COMM_SELF)
+    for found, exact in (
+        (brake.K + changes.change(values, "K"), expected.K),
+        (brake.M + changes.change(values, "M"), expected.M),
+    ):
+        assert abs(found - exact).max() < 1e-11 * abs(exact).max()
+    a, c, m = changes.coefficients(values)
+    assert np.any(a) and np.any(m) and np.all((c != 0) == (a + m != 0))
+
+
+def test_gyroscopic_term_of_a_thickness_is_that_of_the_scene_written_with_it():
+    """Beside the damping of the mass and another speed, to round-off."""
+    turning = [
+        *TURNING,
+        f'sweep.parameters={{ "{PLATE}"={{ values=["9 mm","11 mm"] }},'
+        ' "motion.speed"={ values=["10 rad/s","30 rad/s"] } }',
+    ]  # fmt: skip
+    scene = read_scene(BLOCK, [*COARSE, *turning])
+    brake = assemble_brake(scene, MPI.COMM_SELF)
+    changes = assemble_changes(scene, brake)
+    found = damping_terms(scene, brake).bulk + changes.change(
+        {PLATE: 10.7e-3, "motion.speed": 25.0}, "C"
+    )
+    scene = read_scene(BLOCK, written(20e-3, 10.7e-3, *turning[:2], "motion.speed='25 rad/s'"))
+    exact = damping_terms(scene, assemble_brake(scene, MPI.COMM_SELF)).bulk
+    assert abs(exact - exact.T).max() > 1e-3 * abs(exact).max()
+    assert abs(found - exact).max() < 1e-11 * abs(exact).max()
+
+
+@pytest.mark.parametrize(
+    "damping",
+    [
+        pytest.param([], id="undamped"),
+        pytest.param([DAMPED, LOSS], id="damped"),
+        pytest.param(
+            [*TURNING, "contact.block_plate.friction=0.2"], id="turning", marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_modes_of_two_thicknesses_and_a_modulus_are_those_of_full_order(damping):
+    """At corners, between the anchors, and a little beyond; the scene's own heights too."""
+    box = {HEIGHT: (18e-3, 22e-3), PLATE: (9e-3, 11e-3), C44: (1.0e9, 1.4e9)}
+    prepared = model.prepare(BLOCK, [*COARSE, *damping], parameters=box)
+    for values in (
+        {}, {HEIGHT: 18e-3, PLATE: 11e-3}, {HEIGHT: 21.2e-3, PLATE: 9.6e-3, C44: 1.1e9},
+        {HEIGHT: 22.1e-3},
+    ):  # fmt: skip
+        found, exact = prepared.modes(values), at_full_order(prepared, values)
+        assert found.s.size == exact.s.size >= 8
+        distance = np.abs(found.s - exact.s)
+        assert np.all(distance < 1e-4 * np.abs(exact.s))
+        # The equilibria differ by the interpolation of the compliance.
+        assert np.all(distance <= found.error + exact.error + 1e-5 * np.abs(exact.s))
+
+
+def test_modes_are_those_of_a_mesh_of_that_thickness():
+    """Full order of the scene written with the height, mesh and all."""
+    box = {HEIGHT: (16e-3, 24e-3), PLATE: (9e-3, 11e-3)}
+    prepared = model.prepare(BLOCK, COARSE, parameters=box)
+    for height, plate in ((23e-3, 9.5e-3), (16e-3, 11e-3)):
+        scene = written(height, plate, "stability.method=full")
+        exact = model.prepare(BLOCK, scene).modes()
+        found = prepared.modes({HEIGHT: height, PLATE: plate})
+        # 16 mm are meshed with one cell over the height where 20 mm have two.
+        cells = 1e-4 if height > 18e-3 else 2e-2
+        np.testing.assert_allclose(found.frequency, exact.frequency, rtol=cells)
+
+
+@pytest.mark.slow
+def test_modes_of_the_demo_at_five_lengths_are_those_of_scenes_meshed_anew():
+    """Frequencies within what another mesh of the same brake changes, and the same verdicts."""
+    demo, lining = SCENES / "disc_brake_demo.toml", "parts.pad.lining"
+    sets = [
+        "stages=['equilibrium','stability']", "samples={ approaches=['classical'] }",
+        "stability.band=['0 Hz','6 kHz']", "contact.pad_disc.gap=none",
+        "contact.pad_disc.law={ linear='2e13 Pa/m' }",
+    ]  # fmt: skip
+    prepared, finer = model.prepare(demo, sets, parameters={lining: (8e-3, 12e-3)}), 6.3
+    other = model.prepare(demo, [*sets, f"parts.pad.size='{finer} mm'", "parts.disc.size='13 mm'"])
+    own = prepared.modes().frequency
+    mesh = np.abs(other.modes().frequency / own - 1).max()
+    assert 1e-3 < mesh < 0.05
+    loud = 0
+    for length in (8e-3, 9e-3, 10e-3, 11e-3, 12e-3):
+        found = prepared.modes({lining: length})
+        exact = model.prepare(demo, [*sets, f"{lining}='{length!r} m'"]).modes()
+        f, g = found.frequency, exact.frequency
+        assert f.size == g.size >= 12
+        assert np.abs(f / g - 1).max() < mesh
+        # Meshes may order the modes of close frequencies otherwise.
+        a, b = (m.frequency[np.array(m.verdict) == "unstable"] for m in (found, exact))
+        np.testing.assert_allclose(a, b, rtol=mesh)
+        loud += a.size
+    assert loud
+
+
+def test_frequencies_of_a_bar_follow_its_length():
+    """Longitudinal, one end free and the other on next to no contact: f = c / (2 h)."""
+    bar = [
+        "materials.lining={ model='isotropic', E='200 GPa', nu=0, rho='8000 kg/m^3' }",
+        "parts.block.length='4 mm'", "parts.block.width='4 mm'", "parts.block.height='100 mm'",
+        "parts.block.size='4 mm'", "contact.block_plate.law={ p0='5 bar', u0='1 m' }",
+        'supports={ "block.top"=["x", "y"], "plate.bottom"="clamped", "block.sides"=["x", "y"] }',
+        "stability.band=['0 Hz','40 kHz']", "contact.block_plate.friction=0",
+    ]  # fmt: skip
+    prepared = model.prepare(BLOCK, [*COARSE, *bar], parameters={HEIGHT: (80e-3, 120e-3)})
+    for height in (80e-3, 95e-3, 111e-3, 120e-3):
+        f = prepared.modes({HEIGHT: height}).frequency
+        assert f[f > 1e3][0] == pytest.approx(5000 / (2 * height), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("key", "changes", "text"),
+    [
+        ("parts.block.size", [], "only these lengths may vary"),
+        ("parts.block.lining", [], "is no thickness of a layer of this part"),
+        (
+            HEIGHT,
+            ["stability.damping={ modal={ block={ ratio=0.01 } } }"],
+            "modal is of bodies of one",
+        ),
+        (
+            HEIGHT,
+            ["motion={ axis='x' }", "stability.damping={ gyroscopic=['block'] }"],
+            "gyroscopic needs the axis z",
+        ),
+    ],
+)
+def test_refusals(key, changes, text):
+    with pytest.raises(SceneError, match=text):
+        model.prepare(BLOCK, [*COARSE, *changes], parameters={key: (18e-3, 22e-3)})
+
+
+def test_a_face_on_the_side_of_the_layer_is_refused():
+    spring = 'springs={ "block.sides"={ stiffness=["1 kN/mm", 0, 0] } }'
+    with pytest.raises(SceneError, match=r"springs.block.sides: .*lies on the sides of the layer"):
+        model.prepare(BLOCK, [*COARSE, spring], parameters={HEIGHT: (18e-3, 22e-3)})
+
+
+def test_a_thickness_must_be_positive():
+    prepared = model.prepare(BLOCK, COARSE, parameters={HEIGHT: (18e-3, 22e-3)})
+    with pytest.raises(SceneError, match=r"parts.block.height = -0.01: must be positive"):
+        prepared.modes({HEIGHT: -0.01})
