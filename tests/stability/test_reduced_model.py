@@ -24,8 +24,8 @@ from brake_fenicsx.stability import (
 )
 from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.substructures import CONSTANT, reduction
-from brake_fenicsx.stability.substructures.interpolated import InterpolatedMoments
 from brake_fenicsx.stability.substructures.complement import Complement
+from brake_fenicsx.stability.substructures.interpolated import InterpolatedCoefficients
 from brake_fenicsx.stability.substructures.parameters import Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros
 from brake_fenicsx.stability.substructures.substructure import mirror_image
@@ -475,7 +475,7 @@ def test_moments_between_the_anchors(degrees, digits):
     first, else of double precision.
     """
     rng = np.random.default_rng(3)
-    moments = InterpolatedMoments((degrees[0],) * 2, degrees)
+    moments = InterpolatedCoefficients((degrees[0],) * 2, degrees)
     assert sorted(moments.order) == [*range(len(moments.points))] and moments.order[0] == 0
     assert np.all(np.diff([moments.counts[i] for i in moments.order]) <= 0)
     powers = [[(i, j) for i in range(n + 1) for j in range(n + 1 - i)] for n in degrees]
@@ -491,11 +491,11 @@ def test_moments_between_the_anchors(degrees, digits):
         return np.array(out)
 
     for more in (0.0, 1e-3):
-        made = InterpolatedMoments((degrees[0],) * 2, degrees)
+        made = InterpolatedCoefficients((degrees[0],) * 2, degrees)
         for i in made.order:
             made.add(i, exact(made.points[i], more)[: made.counts[i]])
         arrays = made.arrays()
-        known = InterpolatedMoments((degrees[0],) * 2, degrees, arrays)
+        known = InterpolatedCoefficients((degrees[0],) * 2, degrees, arrays)
         for x in rng.uniform(-1, 1, (5, 2)):
             D, errors, growth = known.at(x)
             assert growth == 1.0 and all(A.dtype == np.float32 for A in D[1:])

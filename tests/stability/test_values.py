@@ -92,7 +92,9 @@ def test_error_at_the_end_of_the_band_bounds_that_within(damping, rows, count):
         errors.append(at_end)
         for f in (0.01, 0.2, 0.37, 0.61, 0.83, 0.97, 1.1):
             w = np.array([1j * f - rows.shift if rows.damped else f**2 + SIGMA], complex)
-            off = np.linalg.norm(np.tensordot(w[0] ** np.arange(p.count), c, 1) - exact(body, 1j * f))
+            off = np.linalg.norm(
+                np.tensordot(w[0] ** np.arange(p.count), c, 1) - exact(body, 1j * f)
+            )
             assert off <= 1.5 * at_end * p.growth(w, CUTOFF)[0] + 1e-9 * np.linalg.norm(values[-1])
     assert errors[1] < errors[0] / 4
 

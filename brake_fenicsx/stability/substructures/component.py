@@ -1,9 +1,9 @@
-"""One substructure of the reduced model: kept modes, projected matrices, interpolated moments.
+"""One substructure of the reduced model: kept modes, projected matrices, polynomials of the rest.
 
 The kept modes W are those of the centre of the parameter box alone, below a cutoff. If
 K(p) >= r K(0), the theorem of Courant and Fischer places every pole of the complement S(w; p)
-beyond r cutoff^2, for every p: the moments D_n(p) fall geometrically and are smooth functions of p,
-and no mode below that limit can be missed anywhere in the box, by one inertia count at the centre.
+beyond r cutoff^2, for every p: the coefficients D_n(p) of what is left out in powers of w fall
+geometrically and are smooth functions of p, and no mode below that limit can be missed anywhere in the box, by one inertia count at the centre.
 Where the shape of a body changes, its rigid motions do, and there is no such r: the lowest pole is
 computed at the corners of the box of the shapes (``reduction``).
 W'P(w; p)W is affine and exact; D_n(p) is interpolated, with a degree that falls with n. v stays
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from ..modes import Complex
 from .frequency import Polynomial
-from .interpolated import InterpolatedMoments, Moments
+from .interpolated import InterpolatedCoefficients, Powers
 from .parameters import CONSTANT, Parameters
 from .rows import SIGMA, Rows, shifted_polynomial
 from .substructure import SAME_ENTRY, MirrorImage, Substructure, mirror_image, turned_across
@@ -41,15 +41,15 @@ class AtPoint:
 
     Attributes:
         modal: W'P_n W, in units of the band's end, shape (2 or 3, modes, modes).
-        D: moments, each of shape (rows, columns).
-        errors: estimates of the errors of D, see ``InterpolatedMoments.at``.
+        D: coefficients, each of shape (rows, columns).
+        errors: estimates of the errors of D, see ``InterpolatedCoefficients.at``.
         growth: how much larger they may be at this point.
         followed: motions of the kept modes that forces follow, shape (followed rows, modes).
         acting: motions along which forces act, shape (acting rows, modes).
     """
 
     modal: Array
-    D: Moments
+    D: Powers
     errors: list[NDArray[np.float32]]
     growth: float
     followed: Array
@@ -91,7 +91,7 @@ class Component:
         self._own = parameters.acting_on(list(body.changes), body.elements.size)
         degrees = [int(degree) for degree in arrays["degrees"]]
         orders = [int(order) for order in arrays["orders"]]
-        self._moments = InterpolatedMoments(orders, degrees, arrays)
+        self._coefficients = InterpolatedCoefficients(orders, degrees, arrays)
         self._constant: AtPoint | None = None
         self._still = self._motions(body.interface)
 
@@ -102,7 +102,7 @@ class Component:
             return self._constant
         rows = self.interface(x)
         motions = self._still if rows is self.body.interface else self._motions(rows)
-        found = AtPoint(self._modal(x), *self._moments.at(own), *motions)
+        found = AtPoint(self._modal(x), *self._coefficients.at(own), *motions)
         self._constant = None if own.size else found
         return found
 

@@ -1,6 +1,6 @@
 """Error estimates of the reduced model, and the simple zeros and close pairs that they hold for.
 
-To first order a change dD of the moments moves a zero by [eta; b]' dD [J y; a] / (b'T'a). Close to
+To first order a change dD moves a zero by [eta; b]' dD [J y; a] / (b'T'a). Close to
 another zero that is not the size of the move: two zeros that merge move by its root (Kato,
 Perturbation Theory for Linear Operators, 1980, chapter II).
 """
@@ -28,10 +28,10 @@ CLOSE = 0.125
 # An estimate is a few sizes of terms added up; it is stated with this factor.
 SAFETY = 2.0
 
-# What the estimates do not see, in units of the band's end: round-off of the projected matrices,
-# moments in single precision, moments of low rank; their parts are not told apart. An error of
-# 5.1e-10 was measured on the reference brake with hardness, against full order; stated is SAFETY
-# times this number, with what the estimates see.
+# What the estimates do not see, in units of the band's end squared: round-off of the projected
+# matrices and of coefficients in single precision. An error of 5.1e-10 was measured on the
+# reference brake with hardness, against full order; stated is SAFETY times this number, with what
+# the estimates see.
 ROUND_OFF = 5e-10
 
 
@@ -61,7 +61,7 @@ def corrected(found: Zeros, q: Quotient, interpolated: Array) -> Corrected:
     Args:
         found: zeros of the expanded T.
         q: their quotient.
-        interpolated: estimated errors by the interpolation of the moments.
+        interpolated: estimated errors of the polynomials in the frequency and over the box.
     """
     z, number = found.z, found.z.size
     if not number:

@@ -3,8 +3,8 @@
 What the kept modes leave out has its poles beyond the cutoff, so that a polynomial through
 Chebyshev points of the band gains with every point a factor that Bernstein's ellipse tells: 10.9
 for a cutoff of 1.8 times the band's end (L. N. Trefethen, Approximation Theory and Approximation
-Practice, 2013, chapter 8). The points are real kappa = -lambda^2 of an undamped body, and lambda on the
-imaginary axis of a damped one, where conjugate points come free. The first one lies next to the
+Practice, 2013, chapter 8). The points are real kappa = -lambda^2 of an undamped body, and lambda on
+the imaginary axis of a damped one, where conjugate points come free. The first one lies next to the
 equilibrium. The value at one point more, the end of the band, measures the error: it is the largest
 of the band, since the nearest pole lies beyond.
 """

@@ -1,6 +1,6 @@
 """Reduced model of a brake: undamped or damped, of constant materials or over a box of them.
 
-Offline, each substructure gives its kept modes and the interpolated moments of what they leave out
+Offline, each substructure gives its kept modes and polynomials of what they leave out
 (``component``). A sample then needs dense matrices alone: contact and friction enter exactly
 (``sample``), every eigenvalue has an estimated error (``errors``), and no mode is missed, because
 an inertia count proves the kept modes complete and no pole of what is left out lies in the band.
@@ -50,8 +50,8 @@ from .vectors import (
 
 Array = NDArray[np.float64]
 
-# Relative error that five points in kappa reach, with degree 4 over a box of materials, and how much
-# one degree and one point more gain: measured on two blocks in perfect contact, moduli +-20 %.
+# Relative error that five points in kappa reach, with degree 4 over a box of materials, and how
+# much one degree and one point more gain: measured on two blocks in perfect contact, moduli +-20 %.
 REACHED, GAIN = 1e-5, 12.0
 
 # Zeros are corrected up to this multiple of the band's end: at the reference brake those of the
@@ -136,13 +136,13 @@ class ReducedModel:
             parameters: box of the materials; constant ones by default.
             followed: motions whose rates or values contact forces follow: "N", with "T" (falling
                 friction) and "R" (sliding damping) where they act.
-            tolerance: wanted relative error of lambda; more moments and higher degrees below 1e-5.
+            tolerance: wanted relative error of lambda; more points and higher degrees below 1e-5.
             cutoff: kept modes reach up to this frequency [Hz]; chosen from the softening of the box
                 if None.
             contact: of a typical sample. Where estimated errors with it exceed the tolerance, the
                 degree is raised and the work done again (``reach``); never if None.
             comm: processes that share the work; this process alone if None.
-            progress: called with the number of solves of this process; what it returns is called
+            progress: called with the number of factors of this process; what it returns is called
                 with the number of those that were done since.
             keep: called by all processes with what the first one made (nothing on others); what
                 it returns is what each process works with. All get their own copy if None.
@@ -150,7 +150,7 @@ class ReducedModel:
         Raises:
             SceneError: a band, cutoff or tolerance that is none.
             InaccurateResult: a body is not positive definite somewhere in the box, an inertia count
-                finds a mode missing, or damping is too strong for the series.
+                finds a mode missing, a factor is wrong, or damping is too strong.
         """
         start, comm = time.perf_counter(), MPI.COMM_SELF if comm is None else comm
         band = frequency_band(band)

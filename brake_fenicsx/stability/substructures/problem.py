@@ -8,8 +8,8 @@ gives, exactly,
     y + (E(w) - 1) u = source(w) a,        E = 1 + D_OI J,          source = O W - D_OX,
 
 w = kappa + sigma where bodies are not damped, also where contact forces follow rates: D has half as
-many moments then. Without y and u it is T(z) a = 0. T is expanded in powers of z; its zeros come
-from a companion matrix, and the two-sided Rayleigh quotient with all moments corrects them
+many coefficients then. Without y and u it is T(z) a = 0. T is expanded in powers of z; its zeros
+come from a companion matrix, and the two-sided Rayleigh quotient with all coefficients corrects them
 (``errors``): b'T(z)a is evaluated with y and the left motions eta solved for, which makes its error
 of second order (Schwetlick and Schreiber, Linear Algebra Appl. 436, 2012; Guettel and Tisseur, Acta
 Numerica 26, 2017, doi:10.1017/S0962492917000034).
@@ -41,7 +41,7 @@ Index = NDArray[np.intp]
 # Steps at most of the motions y and eta.
 STEPS = 8
 
-# Moments of the first step of eta where forces follow rates.
+# Coefficients for the first step of eta where forces follow rates.
 FIRST = 2
 
 
@@ -126,7 +126,7 @@ class SampleProblem:
         return zeros(self.T, 2 if self.rows.rates else 1, reach, near)
 
     def quotient(self, found: Zeros) -> Quotient:
-        """The two-sided quotient with all moments, for some zeros."""
+        """The two-sided quotient with all coefficients, for some zeros."""
         z, a, b = found.z, found.right, found.left
         w = self.rows.variable(z)
         count, gaps = len(self.E), self.gaps
@@ -137,7 +137,7 @@ class SampleProblem:
         forced = applied(self.forced, w, b, transpose=True)
         eta = self.solve(self.gaps_and_rates(z, forced), 1)
         if gaps < len(eta):
-            # Lambda is far from that of z = 0: a step with the first moments spares a whole one.
+            # Lambda is far from that of z = 0: a step with few coefficients spares a whole one.
             seen = forced + self.left_response(z, eta, FIRST)
             eta = eta + self.solve(self.gaps_and_rates(z, seen) - eta, 1)
         for _ in range(STEPS):
@@ -167,7 +167,7 @@ class SampleProblem:
         return Quotient(products, slope, left / np.abs(slope), y, a, np.vstack([eta, b]))
 
     def _terms(self, A: Coefficients, x: Complex, b: Complex) -> Complex:
-        """Coefficients of b' A(w) x, as many as there are moments, shape (moments, zeros)."""
+        """Coefficients of b' A(w) x, as many as D has, shape (coefficients, zeros)."""
         terms = np.zeros((len(self.E), x.shape[1]), complex)
         for n, coefficient in enumerate(A):
             terms[n] = _paired(b, times(coefficient, x))
@@ -180,10 +180,10 @@ class SampleProblem:
         return np.concatenate([y[: self.gaps], (z + self.rows.shift) * y[self.gaps :]])
 
     def left_response(
-        self, z: Complex, eta: Complex, moments: int | None = None, kind: type | None = None
+        self, z: Complex, eta: Complex, first: int | None = None, kind: type | None = None
     ) -> Complex:
-        """(1 - E)' eta, shape (followed rows, zeros); with all moments if None."""
-        return eta - applied(self.E[:moments], self.rows.variable(z), eta, True, kind)
+        """(1 - E)' eta, shape (followed rows, zeros); with the first coefficients, all if None."""
+        return eta - applied(self.E[:first], self.rows.variable(z), eta, True, kind)
 
     def motions(self, z: Complex, a: Complex) -> Complex:
         """Motions y of some a, as far as they are expanded, shape (followed rows, zeros)."""

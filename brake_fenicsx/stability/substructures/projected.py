@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 # A stiffness of motions that work on no spring, over that of the others.
 NO_FORCE = 1e-13
 
-# So many moments tell the residual of the motions; those beyond are a ten-thousandth of the first.
+# So many coefficients tell the residual of the motions; those beyond are a ten-thousandth of D_0.
 SEEN = 3
 
 # Least distance to the modes beyond the trial vectors, in units of the band's end squared.

@@ -1,6 +1,6 @@
 """What the interpolation over a box reaches: errors of modes, and degrees that lower them.
 
-The offline stage knows the moments at the anchors and at two points between them. With the contact
+The offline stage knows the bodies at the anchors and at two points between them. With the contact
 of a typical sample these give the estimated errors of modes as the samples will state them. Where
 too many exceed the tolerance, the parameters whose highest degree changes the modes most get more.
 """
@@ -109,7 +109,7 @@ def higher(
         model: the model.
         contact: of a typical sample.
         tolerance: wanted relative error of lambda.
-        points: of the box where moments are computed with some degrees.
+        points: of the box where a body is computed with some degrees.
 
     Returns:
         Shape (d,); None where it holds already, or higher ones cost too much.

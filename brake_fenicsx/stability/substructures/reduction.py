@@ -23,7 +23,7 @@ from ..eigensolvers.symmetric import count_below
 from .complement import Complement
 from .component import interface_at, matrices
 from .frequency import Polynomial, imaginary_points, real_points
-from .interpolated import InterpolatedMoments
+from .interpolated import InterpolatedCoefficients
 from .parameters import Parameters
 from .rows import SIGMA, Rows
 from .substructure import Substructure
@@ -99,7 +99,7 @@ class Reduction:
         self._beyond = body.damping_beyond(modes.cutoff * omega)
         self._own = parameters.acting_on(list(body.changes), body.elements.size)
         self._orders = orders[self._own]
-        self._moments = InterpolatedMoments([*map(int, self._orders)], degrees)
+        self._coefficients = InterpolatedCoefficients([*map(int, self._orders)], degrees)
         K, C, M = self._matrices(0)
         self._shares = proportional(K, C, M)
         self._coupled = bool(body.changes) or self._shares is None
@@ -115,7 +115,7 @@ class Reduction:
     @property
     def points(self) -> int:
         """Points of the box where the body is factored."""
-        return len(self._moments.points)
+        return len(self._coefficients.points)
 
     @property
     def factors(self) -> int:
@@ -135,7 +135,7 @@ class Reduction:
         """
         body, W, comm = self._body, self._W, self._comm
         missing, largest = np.zeros(0), 0.0
-        for i in self._moments.order:
+        for i in self._coefficients.order:
             values = self._values(i, progress)
             if comm.rank > 0:
                 continue
@@ -146,7 +146,7 @@ class Reduction:
                 self._check_damping(size, float(np.linalg.norm(values[-1])))
                 missing = rest
             largest = max(largest, size)
-            self._moments.add(i, coefficients[: self._moments.counts[i]])
+            self._coefficients.add(i, coefficients[: self._coefficients.counts[i]])
         if comm.rank > 0:
             return {}
         # Elsewhere in the box the polynomials may lack more.
@@ -158,7 +158,7 @@ class Reduction:
             by_ratio = np.diag(body.modal_damping(W, self._kappa))
             damping = [damping[0] + by_ratio] if damping else [by_ratio]
         return {
-            **body.arrays(), **self._moments.arrays(), "W": W, "kappa": self._kappa,
+            **body.arrays(), **self._coefficients.arrays(), "W": W, "kappa": self._kappa,
             "beyond": self._beyond, "coupled": np.array(self._coupled), "points": self._points,
             "missing": missing.astype(np.float32),
             "reach": np.array(self._reach),
@@ -216,7 +216,7 @@ class Reduction:
     def _place(self, i: int) -> Array:
         """A point of the box of all parameters."""
         x = np.zeros(self._parameters.dimension)
-        x[self._own] = self._moments.points[i]
+        x[self._own] = self._coefficients.points[i]
         return x
 
     def _matrices(self, i: int) -> tuple[sp.csr_matrix, sp.csr_matrix | None, sp.csr_matrix]:
@@ -253,9 +253,12 @@ def proportional(
         return 0.0, 0.0
     gram = np.array([[(A.multiply(B)).sum() for A in (M, K)] for B in (M, K)])
     scale = np.sqrt(np.diag(gram))
-    alpha, beta = np.linalg.solve(
-        gram / np.outer(scale, scale), [(A.multiply(C)).sum() for A in (M, K)] / scale
-    ) / scale
+    alpha, beta = (
+        np.linalg.solve(
+            gram / np.outer(scale, scale), [(A.multiply(C)).sum() for A in (M, K)] / scale
+        )
+        / scale
+    )
     rest = abs(C - alpha * M - beta * K).max()
     return (float(alpha), float(beta)) if rest <= PROPORTIONAL * abs(C).max() else None
 

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 # sigma in units of the band's end: positive, so that free bodies have a factor, and small.
 SIGMA = 0.05
 
+
 @dataclass(frozen=True, slots=True)
 class Rows:
     """Blocks of contact rows: those whose motion forces follow, and those forces act along.

@@ -63,8 +63,7 @@ class UnitContact:
         unit = model.unit_stiffness(p)
         c = unit.size
         normal, friction = (
-            [np.ascontiguousarray(A[:, part]) for A in b.D]
-            for part in (slice(c), slice(c, 2 * c))
+            [np.ascontiguousarray(A[:, part]) for A in b.D] for part in (slice(c), slice(c, 2 * c))
         )
         symmetric = bool(la.norm(own - own.transpose(0, 2, 1)) <= SYMMETRIC * la.norm(own))
         lead = b.lead[..., :c], b.lead[..., c : 2 * c]
@@ -80,14 +79,14 @@ class Held:
         y: motions at all contact elements, zero in open ones, likewise.
         stiffness: w k in units of the band, shape (elements,).
         T: symmetric part of T(0).
-        moments: what the interpolation of the moments may add to b' T a.
+        polynomials: what the errors of the polynomials may add to b' T a.
     """
 
     a: Array
     y: Array
     stiffness: Array
     T: Array
-    moments: float
+    polynomials: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +99,7 @@ class TrialSpace:
         beyond: least kappa + sigma of what V leaves out.
         own: own(z) V.
         source: source(z) V.
-        moments: what the interpolation of the moments may add to b' T a.
+        polynomials: what the errors of the polynomials may add to b' T a.
     """
 
     V: Array
@@ -108,7 +107,7 @@ class TrialSpace:
     beyond: float
     own: Array
     source: Array
-    moments: float
+    polynomials: float
 
     @classmethod
     def of(cls, held: list[Held], unit: UnitContact, tolerance: float) -> TrialSpace:
@@ -123,8 +122,8 @@ class TrialSpace:
         chosen = size > MOVING**2 * tolerance * size[-1]
         Y = Y @ (X[:, chosen] / np.sqrt(size[chosen])) / weight[:, None]
         beyond = la.eigvalsh(rest.T @ held[-1].T @ rest)[0] if rest.shape[1] else np.inf
-        moments = max(h.moments for h in held)
-        return cls(V, Y, float(beyond), unit.own @ V, unit.source @ V, moments)
+        polynomials = max(h.polynomials for h in held)
+        return cls(V, Y, float(beyond), unit.own @ V, unit.source @ V, polynomials)
 
 
 def real_columns(X: Complex) -> Array:

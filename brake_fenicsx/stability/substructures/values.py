@@ -155,4 +155,3 @@ class _Factor:
     def destroy(self) -> None:
         """Free the factor."""
         self._factor.destroy()
-

@@ -1,7 +1,7 @@
 """Right and left vectors of single modes of a sample, and their motions at the contact elements.
 
 The zeros of the expanded T(z) come with its own vectors, which derivatives would feel to first
-order. With all moments (``problem``) T(z) a = own a + forced u, and T(z)' b = own' b + source' eta;
+order. With all of D (``problem``) T(z) a = own a + forced u, and T(z)' b = own' b + source' eta;
 the corrections come from the expanded T, bordered so that it is regular (Guettel and Tisseur, Acta
 Numerica 26, 2017, doi:10.1017/S0962492917000034, section 4). The motions of the left vector along
 the rows that forces act along are lead' b - D' eta.
@@ -95,7 +95,7 @@ class SampleModes:
 
 
 def sharpened(sample: Sample, z: Complex, a: Complex, b: Complex) -> tuple[Vectors, Array]:
-    """Vectors with all moments from those of the expanded T(z).
+    """Vectors with all of D from those of the expanded T(z).
 
     Args:
         sample: the reduced problem of the sample.
