@@ -3,11 +3,11 @@
 The kept modes W are those of the centre of the parameter box alone, below a cutoff. If
 K(p) >= r K(0), the theorem of Courant and Fischer places every pole of the complement S(w; p)
 beyond r cutoff^2, for every p: the coefficients D_n(p) of what is left out in powers of w fall
-geometrically and are smooth functions of p, and no mode below that limit can be missed anywhere in the box, by one inertia count at the centre.
-Where the shape of a body changes, its rigid motions do, and there is no such r: the lowest pole is
-computed at the corners of the box of the shapes (``reduction``).
-W'P(w; p)W is affine and exact; D_n(p) is interpolated, with a degree that falls with n. v stays
-orthogonal to W in the mass of the centre.
+geometrically and are smooth functions of p, and no mode below that limit can be missed anywhere in
+the box, by one inertia count at the centre. Where the shape of a body changes, its rigid motions
+do, and there is no such r: the lowest pole is computed at the corners of the box of the shapes
+(``reduction``). W'P(w; p)W is affine and exact; D_n(p) is interpolated, with a degree that falls
+with n. v stays orthogonal to W in the mass of the centre.
 
 The reduced bodies in the brake: each one itself, or a mirror image of another one.
 """

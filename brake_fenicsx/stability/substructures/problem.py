@@ -9,10 +9,10 @@ gives, exactly,
 
 w = kappa + sigma where bodies are not damped, also where contact forces follow rates: D has half as
 many coefficients then. Without y and u it is T(z) a = 0. T is expanded in powers of z; its zeros
-come from a companion matrix, and the two-sided Rayleigh quotient with all coefficients corrects them
-(``errors``): b'T(z)a is evaluated with y and the left motions eta solved for, which makes its error
-of second order (Schwetlick and Schreiber, Linear Algebra Appl. 436, 2012; Guettel and Tisseur, Acta
-Numerica 26, 2017, doi:10.1017/S0962492917000034).
+come from a companion matrix, and the two-sided Rayleigh quotient with all coefficients corrects
+them (``errors``): b'T(z)a is evaluated with y and the left motions eta solved for, which makes its
+error of second order (Schwetlick and Schreiber, Linear Algebra Appl. 436, 2012; Guettel and
+Tisseur, Acta Numerica 26, 2017, doi:10.1017/S0962492917000034).
 """
 
 from __future__ import annotations
