@@ -26,14 +26,15 @@ def reduced_bodies(model: ReducedModel, p: Array, mu: Array) -> Bodies:
             times the normal force, and normal forces are the only acting rows.
     """
     b, c, views = model.blocks(p), mu.size, model.at(p)
-    lead, D, n = b.lead, np.array(b.D, float), len(views[0].modal)
+    lead, n = b.lead, len(views[0].modal)
+    D: Array = np.array(b.D, float)
     # The kept modes follow any lambda, what they leave out does not.
     kept, coupling = np.zeros((n, *b.own.shape[1:])), np.array(b.own)
     for body, view in zip(model.bodies, views, strict=True):
         kept[:, body.modes, body.modes] = view.modal
     coupling[:n] -= kept
     if model.rows.followed == "N":
-        lead, D = (A[..., :c] + mu * A[..., c:] for A in (lead, D))
+        lead, D = lead[..., :c] + mu * lead[..., c:], D[..., :c] + mu * D[..., c:]
     omega = 2 * np.pi * model.band[1]
     unit = omega**2
     end = np.abs(model.rows.variable(model.scaled(np.array(1j * omega))))

@@ -159,4 +159,5 @@ def _square(rows: Index, columns: Index) -> tuple[Any, Any]:
     ]
     if None not in slices:
         return slices[0], slices[1]
-    return np.ix_(rows, columns)
+    first, second = np.ix_(rows, columns)
+    return first, second

@@ -11,6 +11,7 @@ of the band, since the nearest pole lies beyond.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -96,17 +97,18 @@ class Polynomial:
         single = np.where(np.imag(w[:-1]) > 0, 2.0, 1.0)
         self._weights = inverse[:, : w.size - 1] * single
 
-    def coefficients(self, values: Array) -> Array:
+    def coefficients(self, values: Sequence[NDArray[Any]]) -> Array:
         """Real coefficients in powers of w from the values at all points but the end.
 
         Args:
-            values: shape (points - 1, ...).
+            values: of each point, shape (...).
         """
-        flat = np.reshape(values, (len(values), -1))
+        shape = np.shape(values)
+        flat = np.reshape(values, (shape[0], int(np.prod(shape[1:]))))
         out = self._weights.real @ flat.real
         if np.iscomplexobj(flat):
             out -= self._weights.imag @ flat.imag
-        return np.asarray(out.reshape(-1, *np.shape(values)[1:]))
+        return np.asarray(out.reshape(self.count, *shape[1:]))
 
     def missing(self, coefficients: Array, value: Array) -> Array:
         """What the polynomial lacks of a value at the end of the band: real and imaginary parts.

@@ -173,13 +173,12 @@ class Reduction:
         """
         K, C, M = self._matrices(i)
         shares = proportional(K, C, M)
-        real = shares is not None
         interface = interface_at(self._body, self._parameters, self._place(i))
         body = SeenBody(
-            K, None if real else C, M, self._W, self._MW, interface, self._body.loads, self._rows,
-            self._coupled,
+            K, C if shares is None else None, M, self._W, self._MW, interface, self._body.loads,
+            self._rows, self._coupled,
         )  # fmt: skip
-        points = np.sqrt(-self._real + 0j) if real else self._points
+        points = self._points if shares is None else np.sqrt(-self._real + 0j)
 
         def work(j: int) -> NDArray[Any]:
             found = body.at(points[j])
@@ -187,7 +186,7 @@ class Reduction:
             return found
 
         values = [*in_turns(len(points), work, self._comm)]
-        if not real or not self._rows.damped:
+        if shares is None or not self._rows.damped:
             return values
         return self._damped(values, *shares)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,8 +84,8 @@ class Sample(SampleProblem):
             right[np.r_[acting, g * m + np.arange(modes.size)]] = loads[np.r_[there, g * c + modes]]
 
             def terms(
-                error: NDArray[np.float32], left: Complex = left, rows: NDArray[np.intp] = rows,
-                right: Complex = right,
+                error: NDArray[np.float32], left: NDArray[Any] = left,
+                rows: NDArray[np.intp] = rows, right: NDArray[Any] = right,
             ) -> Complex:  # fmt: skip
                 """[eta; b]' A [J u; a] of several matrices A, shape (matrices, zeros)."""
                 picked = error[:, rows].reshape(-1, error.shape[2])

@@ -11,7 +11,7 @@ moves freely without contact, or nearly so, have no inverse and are kept.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -65,7 +65,7 @@ def static_compliance(
     )
 
 
-def _at_rest(A: Sequence[NDArray[Any]], rows: Rows) -> Array:
+def _at_rest(A: Iterable[NDArray[Any]], rows: Rows) -> Array:
     """A polynomial in w at lambda = 0."""
     w = -rows.shift if rows.damped else SIGMA
     return np.asarray(sum(w**n * B for n, B in enumerate(A)), float)

@@ -76,6 +76,8 @@ class SeenBody:
         P = (self.K + square * self.M).tocsr()
         P = P if self.C is None else (P + s * self.C).tocsr()
         acting = sp.vstack([self.interface[name] for name in self.rows.acting]).tocsr()
+        if not (acting.shape[0] or self.coupled):
+            return np.zeros((0, self.loads.shape[1]))
         factor = _Factor(P, acting)
         try:
             if not np.imag(s) and factor.negative_pivots:
