@@ -78,6 +78,8 @@ class Sample(SampleProblem):
             own, place = self.closed.rows(number, f, m)
             acting, there = self.closed.rows(number, g, m)
             rows = np.r_[own, f * m + np.arange(modes.size)]
+            if not rows.size:
+                continue
             left = q.left[np.r_[place, f * c + modes]].astype(np.complex64)
             # Whole rows in one product cost less than picking the closed elements of each.
             right = np.zeros((g * m + modes.size + comp.loads.shape[0], z.size), np.complex64)
