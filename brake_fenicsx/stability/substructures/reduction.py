@@ -40,9 +40,6 @@ POLES, ALMOST, NEAREST, ATTEMPTS = 3.3, 0.95, 1.3, 4
 # Damping is a combination of mass and stiffness up to this share of it.
 PROPORTIONAL = 1e-10
 
-# What the polynomials in the frequency may lack of a value at the end of the band.
-TOO_MUCH = 0.1
-
 # Relative accuracy of the lowest pole.
 POLE_TOLERANCE = 1e-3
 
@@ -143,7 +140,7 @@ class Reduction:
             rest = self._polynomial.missing(coefficients, values[-1])
             size = float(np.linalg.norm(rest))
             if i == 0:
-                self._check_damping(size, float(np.linalg.norm(values[-1])))
+                self._check_convergence(coefficients)
                 missing = rest
             largest = max(largest, size)
             self._coefficients.add(i, coefficients[: self._coefficients.counts[i]])
@@ -223,13 +220,16 @@ class Reduction:
         x = self._place(i)
         return matrices(self._body, self._parameters, x, self._omega, self._beyond)
 
-    def _check_damping(self, missing: float, size: float) -> None:
-        """Whether the polynomials hold up to the band's end.
+    def _check_convergence(self, coefficients: Array) -> None:
+        """Whether the coefficients fall, as they do without a pole within the band.
 
         Raises:
-            InaccurateResult: they do not: the body is damped too strongly.
+            InaccurateResult: they do not: the body is damped so strongly that its own decay lies
+                within the band.
         """
-        if self._rows.damped and not missing <= TOO_MUCH * size:
+        size = [float(np.linalg.norm(A)) for A in coefficients]
+        # W'P(w) is of second degree in w: the first ones may grow.
+        if self._rows.damped and max(size[3:]) > max(size[:3]):
             raise InaccurateResult(
                 "damping too large for the frequency expansion of the reduced model up to the end"
                 " of the band"
