@@ -33,6 +33,9 @@ from .rows import Rows
 
 Array = NDArray[np.float64]
 
+# Distance of an eigenvalue in kappa below which its kept mode is solved for.
+NEAR = 0.02
+
 
 @dataclass(frozen=True, slots=True)
 class SeenBody:
@@ -94,9 +97,12 @@ class SeenBody:
         if self.coupled:
             X = factor.solve(np.hstack([self.MW, self.loads]))
         else:
-            # P W = M W diag(d).
+            # P W = M W diag(d). Next to an eigenvalue the factor has its own d, which cancels.
             d = np.einsum("ij,ij->j", self.W, P @ self.W)
-            X = np.hstack([self.W / d, factor.solve(self.loads)])
+            near = np.flatnonzero(np.abs(d) < NEAR)
+            solved = factor.solve(np.hstack([self.MW[:, near], self.loads]))
+            X = np.hstack([self.W / d, solved[:, near.size :]])
+            X[:, near] = solved[:, : near.size]
         seen, held = acting @ X, self.MW.T @ X
         met = seen[:, :m].T if factor.symmetric else factor.solve(self.MW, True).T @ acting.T
         H = np.linalg.inv(held[:, :m])
