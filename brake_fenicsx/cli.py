@@ -1,4 +1,4 @@
-"""Command line: init, check, prepare, run, countermeasures, report, export, correlate, identify."""
+"""The command line: a command, how it ended, and the status that says so."""
 
 from __future__ import annotations
 
@@ -18,12 +18,11 @@ INTERRUPTED = "brake-fenicsx: interrupted; the same command resumes the run"
 try:
     import traceback
     from collections.abc import Sequence
-    from pathlib import Path
     from typing import TYPE_CHECKING, Any
 
-    from brake_fenicsx.commands import parser
     from brake_fenicsx.errors import BrakeError, SceneError, StorageError
     from brake_fenicsx.folder.termination import STATUS, Terminated, watching
+    from brake_fenicsx.parser import parser
 except KeyboardInterrupt:
     # Ctrl-C in the first moments; no other module is sure to be there.
     os.write(2, f"{INTERRUPTED}\n".encode())
@@ -123,104 +122,10 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         from brake_fenicsx.petsc import start_petsc
 
         start_petsc(petsc)
-    from brake_fenicsx import pipeline
-    from brake_fenicsx.folder.lock import read_share
-
-    if options.command == "prepare":
-        pipeline.run(
-            options.scene, comm, options.directory, options.set, cache=options.cache, prepare=True
-        )
-    elif options.command == "run":
-        share = None if options.share is None else read_share(options.share)
-        if share is not None and options.from_stage is not None:
-            raise SceneError("--from: of no use with --share; prepare the folder with it")
-        done = pipeline.run(
-            options.scene, comm, options.directory, options.set, options.from_stage, options.cache,
-            share, pictures=options.pictures,
-        )  # fmt: skip
-        if options.json and comm.rank == 0:
-            _print_json(done.outcome())
-    elif options.command == "budget":
-        from brake_fenicsx.extras.variants.budget import run_budget
-
-        page = run_budget(
-            options.scene, comm, options.directory, options.set, options.cache, options.minutes
-        )
-        if comm.rank == 0:
-            print(f"open {page}")
-    elif options.command == "check":
-        from brake_fenicsx.description import describe
-
-        describe(options.scene, comm, options.set, options.json, options.quiet)
-    elif options.command == "countermeasures":
-        from brake_fenicsx.extras.variants.countermeasures import find_countermeasures
-        from brake_fenicsx.extras.variants.countermeasures_page import countermeasures_text
-        from brake_fenicsx.results.tables import read_rows
-
-        found = find_countermeasures(
-            options.scene, comm, options.directory, options.set, options.cache
-        )
-        if comm.rank == 0 and found is not None:
-            print(countermeasures_text(read_rows(found.with_suffix(".csv"))))
-            print(f"open {found}")
-    elif comm.rank == 0 and options.command == "schema":
-        from brake_fenicsx.scene import Scene
-        from brake_fenicsx.scene.tables import json_schema
-
-        _print_json(json_schema(Scene))
-    elif comm.rank == 0 and options.command == "compare":
-        from brake_fenicsx.extras.variants.comparison import comparison_text, write_comparison
-
-        page = write_comparison(options.first, options.second, options.directory)
-        print(comparison_text(options.first, options.second))
-        print(f"open {page}")
-    elif options.command == "correlate":
-        from brake_fenicsx.extras.measured.study import correlate
-
-        given = options.scene, options.test, options.part, options.supported
-        text = correlate(*given, options.directory, options.set, write=comm.rank == 0)
-        if comm.rank == 0:
-            print(text)
-    elif options.command == "identify":
-        from brake_fenicsx.extras.measured.identify import identify
-
-        text = identify(
-            options.scene, options.peaks, options.part, options.material, options.supported,
-            0.01 * options.prior, 0.01 * options.error, options.directory, options.set,
-            comm.rank == 0,
-        )  # fmt: skip
-        if comm.rank == 0:
-            print(text)
-    elif options.command == "init":
-        from brake_fenicsx.extras.decks.draft.text import (
-            write_scene,  # starts PETSc on all processes
-        )
-
-        scene = Path(options.scene or f"{Path(options.deck).stem}.toml")
-        if comm.rank == 0:
-            print(write_scene(Path(options.deck), scene, options.units, bool(options.shells)))
-            print(f"next: brake-fenicsx check {scene}")
-    elif comm.rank == 0 and options.command == "status":
-        from brake_fenicsx.folder.status import read_status
-
-        status = read_status(options.directory)
-        print(status.text()) if not options.json else _print_json(status.facts())
-    elif comm.rank == 0 and options.command == "export":
-        from brake_fenicsx.extras.measured.universal import export_modes
-
-        print(f"wrote {export_modes(options.directory)}")
-    elif comm.rank == 0:
-        pipeline.report(Path(options.directory), pictures=options.pictures)
-        if options.csv:
-            from brake_fenicsx.results.columns import write_csv
-
-            write_csv(Path(options.directory, "modes.csv"))
-
-
-def _print_json(content: Any) -> None:
-    import json
-
-    print(json.dumps(content, indent=1))
+    command = options.command
+    said = command.run(options, comm) if comm.rank == 0 or not command.alone else None
+    if comm.rank == 0 and said is not None:
+        print(said)
 
 
 if __name__ == "__main__":

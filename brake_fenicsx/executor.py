@@ -158,7 +158,7 @@ def _entered(source: Source, digest: str) -> Study:
     study = entered(source)
     # After ``entered``, which starts PETSc for this process alone: an import of PETSc before would
     # wait for all processes of mpi4py.futures.
-    from brake_fenicsx.results.blocks import prepare_blocks
+    from brake_fenicsx.results.output import prepare_blocks
 
     prepare_blocks(study)
     return study
@@ -166,7 +166,7 @@ def _entered(source: Source, digest: str) -> Study:
 
 def _prepare(study: Study, tasks: Sequence[Task]) -> None:
     """Compute the first samples where blocks of samples are asked for."""
-    from brake_fenicsx.results.blocks import prepare_blocks
+    from brake_fenicsx.results.output import prepare_blocks
 
     if len(tasks) > BLOCK:
         prepare_blocks(study)

@@ -29,6 +29,7 @@ from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import before_samples, make_study
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import result_digest
+from brake_fenicsx.scene.objects import with_objects
 from brake_fenicsx.scene.read import from_text, scene_text, toml_text
 from brake_fenicsx.scene.samples import unit_of
 from brake_fenicsx.scene.scalars import check_scalar, si_unit
@@ -114,32 +115,22 @@ class Model:
         """The same with the equilibrium."""
         return self.study.solved(self._task(approach, sample), self._si(values))
 
-    def limit_cycles(
+    def work_beside(
         self,
+        what: str,
         values: Mapping[str, float | str] | None = None,
         approach: str | None = None,
         sample: int = 0,
-    ) -> list[dict[str, Any]]:
-        """Limit cycles of the growing modes of a sample, each alone; arguments as in ``modes``.
+    ) -> dict[str, Any]:
+        """Arrays that an extra computes beside the modes of a sample, by name.
 
-        Returns:
-            One record for each cycle: ``mode``, ``outcome`` and the measures of limit_cycle.csv;
-            ``branch``, amplitude [m] and alpha + i omega [1/s] of the points of its branch.
-
-        Raises:
-            SceneError: the scene has no section [limit_cycle].
+        Args:
+            what: one of ``study.beside``.
+            values: scalars of the scene, as in ``modes``.
+            approach: likewise.
+            sample: likewise.
         """
-        if self.study.cycles is None:
-            raise SceneError(f"{self.scene.file}: limit_cycle: the section is missing")
-        found = self.study.limit_cycles(self._task(approach, sample), self._si(values))
-        points = np.array([found["branch_amplitude"], found["branch_s"]])
-        rows = zip(found["cycle_mode"], found["cycle_kind"], found["cycle_values"], strict=True)
-        names = ("mode", "outcome", "branch", *map(str, found["cycle_names"]))
-        branch = {i: points[:, found["branch_mode"] == i] for i in found["cycle_mode"]}
-        return [
-            dict(zip(names, (int(i), str(kind), branch[i], *values), strict=True))
-            for i, kind, values in rows
-        ]
+        return self.study.work_beside(what, self._task(approach, sample), self._si(values))
 
     def samples(
         self,
@@ -341,7 +332,7 @@ def _prepared(
     check_folder(store, result_digest(parsed), comm)
     stats = check(parsed, comm)
     if extensions is not None:
-        parsed = extensions.applied(parsed)
+        parsed = with_objects(parsed, extensions)
     this = Run(parsed, comm, store, SharedCache(store, cache))
     if store.share is None:
         store.open(scene_text(parsed))

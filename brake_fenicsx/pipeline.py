@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import shutil
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -28,13 +29,14 @@ from brake_fenicsx.checks import (
 )
 from brake_fenicsx.costs import earlier_run
 from brake_fenicsx.errors import BrakeError, SceneError
+from brake_fenicsx.extensions import load, named
 from brake_fenicsx.folder.cache import SharedCache
-from brake_fenicsx.folder.entry import PREPARED, check_folder, enter_prepared, open_folder
+from brake_fenicsx.folder.entry import check_folder, enter_prepared, open_folder
 from brake_fenicsx.folder.extras import spared
 from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.log import logger, start_log
 from brake_fenicsx.folder.processes import in_turns, on_first
-from brake_fenicsx.folder.store import Store
+from brake_fenicsx.folder.store import PREPARED, Store
 from brake_fenicsx.results.versions import differences, versions
 from brake_fenicsx.scene import STAGES, read_scene
 from brake_fenicsx.scene.digest import result_digest
@@ -45,6 +47,7 @@ from brake_fenicsx.stages import Run, note_warnings
 if TYPE_CHECKING:
     from brake_fenicsx.build.brake import Brake
     from brake_fenicsx.micro import LawLibrary
+    from brake_fenicsx.results.run import RunData
     from brake_fenicsx.samples.study import Study
     from brake_fenicsx.surface import SurfaceStatistics
 
@@ -158,7 +161,7 @@ def _finish(this: Run, stats: SurfaceStatistics | None, new: bool) -> None:
         raise
     if "report" in this.scene.stages and this.whole:
         with this.stage("report"):
-            report(store.directory, comm, this.pictures)
+            report(store.directory, comm, this.pictures, this.scene.own.figures)
         if comm.rank == 0:
             write_summary(this)
 
@@ -296,7 +299,7 @@ def mechanics(
     this: Run, stats: SurfaceStatistics | None, library: LawLibrary | None, brake: Brake
 ) -> None:
     """Shared reduction, and every sample's equilibrium and modes."""
-    from brake_fenicsx.results.blocks import prepare_blocks
+    from brake_fenicsx.results.output import prepare_blocks
 
     study = make_study(this, stats, library, brake)
     with this.stage("samples"):
@@ -321,7 +324,7 @@ def mechanics(
     with this.stage("results"):
         if this.comm.rank == 0:
             this.store.forget_tables()
-        from brake_fenicsx.results.stored import write_results
+        from brake_fenicsx.results.output import write_results
 
         first = write_results(study)
         if sweep is not None:
@@ -349,6 +352,10 @@ def mechanics(
                 )
                 drawn = in_turns(2, lambda i: spared(*last[i])[1], this.comm)
                 note_warnings(this, [text for lost in drawn for text in lost])
+    for extra in named(this.scene):
+        if extra.stage:
+            with this.stage(extra.name):
+                load(extra.stage)(this, study)
 
 
 def draw_mesh(this: Run, brake: Brake) -> None:
@@ -389,13 +396,19 @@ def write_summary(this: Run) -> None:
     )
 
 
-def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF, pictures: bool = True) -> None:
+def report(
+    directory: Path,
+    comm: MPI.Comm = MPI.COMM_SELF,
+    pictures: bool = True,
+    own: Mapping[str, Callable[[RunData], Any]] = MappingProxyType({}),
+) -> None:
     """Figures, tables and the HTML page of a results folder; collective.
 
     Args:
         directory: the results folder.
         comm: processes that share the figures.
         pictures: whether figures are drawn; those of mode shapes and the mesh stay as they are.
+        own: figures of a user's own by name.
     """
     from brake_fenicsx.report.figures import make_figures
     from brake_fenicsx.report.html import write_report
@@ -417,7 +430,7 @@ def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF, pictures: bool = Tru
 
     def draw(i: int) -> None:
         held.append(read_run(directory))
-        make_figures(held[0], slice(i, None, draws), pictures)
+        make_figures(held[0], slice(i, None, draws), pictures, own)
 
     list(in_turns(draws, draw, comm))
     if comm.rank > 0:
@@ -428,15 +441,11 @@ def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF, pictures: bool = Tru
     write_tables(data)
     write_surface_tables(data)
     write_report(data, redraw=False)
-    if data.samples is None and any((directory / "samples").glob("*.*")):
+    if data.samples is not None and not (directory / "samples.csv").is_file():
         logger.warning(
             "%s: samples without tables; `run` of the scene, with -o %s, makes them", directory,
             directory,
         )  # fmt: skip
-    elif data.modes is None and "stability" in data.summary.get("in_effect", {}).get("stages", ()):
-        logger.warning(
-            "%s: modes.csv is missing, and the page has no modes; `run` makes it again", directory
-        )
     if data.modes is not None:
         # Line by line: the time stamp of the file would shift the heading alone.
         for line in summary_table(data).splitlines():

@@ -9,7 +9,7 @@ from sphinx.application import Sphinx
 
 import brake_fenicsx
 from brake_fenicsx import macro, micro
-from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene import scene_type
 from brake_fenicsx.scene.tables import json_schema
 
 # Names that are imported on use, so that autodoc finds them.
@@ -51,7 +51,7 @@ nitpick_ignore_regex = [("py:.*", ".*")]
 def write_schema(app: Sphinx, _: Exception | None) -> None:
     """The JSON Schema of a scene beside the pages, as the command ``schema`` prints it."""
     if app.builder.format == "html":
-        text = json.dumps(json_schema(Scene), indent=2)
+        text = json.dumps(json_schema(scene_type()), indent=2)
         (Path(app.outdir) / "scene.schema.json").write_text(text + "\n")
 
 

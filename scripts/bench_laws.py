@@ -1,18 +1,21 @@
 #!/usr/bin/env python3
-"""Laws at the pressures of braking: speed against error, five tables.
+"""Laws at the pressures of braking: speed against error, six tables.
 
     scripts/bench_laws.py pixels [--surfaces 20]      resolution, with bias and scatter kept apart
     scripts/bench_laws.py hardness [--surfaces 10]    stiffness of loading and of vibrations
     scripts/bench_laws.py grids [--surfaces 4]        a cascade of grids over one grid
+    scripts/bench_laws.py range [--surfaces 4]        laws to a low pressure over whole laws
     scripts/bench_laws.py scans                       measured surfaces and artificial ones
     scripts/bench_laws.py direction [--surfaces 12]   isotropic and directional artificial surfaces
 
 ``pixels``: the same surfaces of 804 x 804 pixels, low-passed to fewer ("bias": median and rms of
 k over that of 804 on one grid), then surfaces drawn on each grid ("drawn": median and scatter of
-k). ``scans`` reads the folder named by BRAKE_FENICSX_SCANS: every window of a scan is pressed, and
-five artificial surfaces of the same size, spectrum and variance; k at p = 1e-4 E* h'_rms over that
-of the window. ``direction`` reads it too: k and v at 0.2 MPa, with a hardness of 200 MPa, of
-artificial surfaces over those of the scan itself, whole and of two quarters, each by its spectrum.
+k). ``range``: the demo's surfaces with and without a hardness; largest error of p, k and v over
+those of the whole law, up to the pressure. ``scans`` reads the folder named by BRAKE_FENICSX_SCANS:
+every window of a scan is pressed, and five artificial surfaces of the same size, spectrum and
+variance; k at p = 1e-4 E* h'_rms over that of the window. ``direction`` reads it too: k and v at
+0.2 MPa, with a hardness of 200 MPa, of artificial surfaces over those of the scan itself, whole and
+of two quarters, each by its spectrum.
 """
 
 from __future__ import annotations
@@ -30,7 +33,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from brake_fenicsx.errors import BrakeError
-from brake_fenicsx.micro import LawSettings
+from brake_fenicsx.micro import LawRecipe, LawSettings, LawSteps, make_library
 from brake_fenicsx.micro.law_of_surface import law_steps, low_passed
 from brake_fenicsx.micro.settings import Grids
 from brake_fenicsx.surface import characterise, make_topography, read_topography, synthesise
@@ -243,16 +246,50 @@ def direction(surfaces: int) -> None:
         print(f"| {name}, mean of abs(ln) | | | {text} | | |")
 
 
+def ranges(surfaces: int) -> None:
+    """Laws to several pressures beside whole ones."""
+    stats = characterise(read_topography(SCAN))
+    print("| hardness [MPa] | to [MPa] | steps | CPU s | over the whole law | largest error |\n"
+          "| ---: | ---: | ---: | ---: | ---: | ---: |")  # fmt: skip
+    for hardness, pixels in ((200e6, 401), (None, 128)):
+        how = LawSettings(E_STAR, hardness=hardness)
+        recipe = LawRecipe(stats.spectrum, stats.hdf, how, (pixels, pixels), SIZE)
+        whole: list[LawSteps] = []
+        for pressure in (np.inf, 4e6, 2e6, 1e6, 0.5e6):
+            start = time.process_time()
+            laws = [recipe.law(1, i, pressure) for i in range(surfaces)]
+            seconds = (time.process_time() - start) / surfaces
+            if not whole:
+                whole, first = laws, seconds
+            error = 0.0
+            for ours, theirs in zip(laws, whole, strict=True):
+                d = ours.d[ours.p <= pressure]
+                one, other = make_library([ours])[0], make_library([theirs])[0]
+                error = max(error, *(
+                    float(np.abs(getattr(one, name)(d) / getattr(other, name)(d) - 1).max())
+                    for name in ("pressure", "stiffness", "vibration")
+                ))  # fmt: skip
+            to = min(pressure, how.highest) / 1e6
+            print(f"| {'-' if hardness is None else round(hardness / 1e6)} | {to:.3g}"
+                  f" | {np.mean([len(law.d) for law in laws]):.0f} | {seconds:.2f}"
+                  f" | {seconds / first:.2f} | {error:.0e} |", flush=True)  # fmt: skip
+
+
 def main() -> None:
     logging.getLogger("brake_fenicsx").setLevel(logging.ERROR)
     words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    words.add_argument("table", choices=("pixels", "hardness", "grids", "scans", "direction"))
+    words.add_argument(
+        "table", choices=("pixels", "hardness", "grids", "range", "scans", "direction")
+    )
     words.add_argument("--surfaces", default=20, type=int)
     asked = words.parse_args()
     if asked.table == "scans":
         scans()
     else:
-        tables = {"pixels": pixels, "hardness": hardness, "grids": grids, "direction": direction}
+        tables = {
+            "pixels": pixels, "hardness": hardness, "grids": grids, "range": ranges,
+            "direction": direction,
+        }  # fmt: skip
         tables[asked.table](asked.surfaces)
 
 

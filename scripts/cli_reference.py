@@ -10,7 +10,7 @@ import argparse
 import re
 from pathlib import Path
 
-from brake_fenicsx.commands import EPILOG, parser
+from brake_fenicsx.parser import EPILOG, parser
 
 OUT = Path(__file__).parents[1] / "docs" / "cli.md"
 HEAD = """\
@@ -46,7 +46,7 @@ def options(command: argparse.ArgumentParser, everywhere: bool = False) -> list[
 
 def described(command: argparse.ArgumentParser) -> list[str]:
     """Usage, purpose and options of a command."""
-    names = " ".join(a.metavar or a.dest for a in command._get_positional_actions())
+    names = " ".join(str(a.metavar or a.dest) for a in command._get_positional_actions())
     said = linked(command.description or "")
     lines = [f"## {command.prog.split()[-1]}", "", f"`{f'{command.prog} {names}'.strip()}`", ""]
     lines += [f"{said[0].upper()}{said[1:]}.", ""]

@@ -32,13 +32,12 @@ from brake_fenicsx.build.law_stage import law_recipe
 from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import run
+from brake_fenicsx.report.contact_figures import draw_contact_maps, draw_laws
 from brake_fenicsx.report.inputs import contact_maps
-from brake_fenicsx.report.micro_figures import draw_contact_maps, draw_laws
 from brake_fenicsx.report.overview import summary_table
 from brake_fenicsx.report.squeal_figures import draw_squeal_map
 from brake_fenicsx.report.style import house_style, save
-from brake_fenicsx.report.surface_figures import draw_statistics
-from brake_fenicsx.report.topography_figures import draw_artificial
+from brake_fenicsx.report.surface_figures import draw_artificial, draw_statistics
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.scene import read_scene
 

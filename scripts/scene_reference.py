@@ -16,7 +16,7 @@ from dataclasses import MISSING, Field, dataclass, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from brake_fenicsx.scene import BUILDERS, STAGES, Scene
+from brake_fenicsx.scene import BUILDERS, STAGES, scene_type
 from brake_fenicsx.scene.parts import FileKeys, PartKeys, builder_class
 from brake_fenicsx.scene.tables import keys_of, kind_text, kinds_of, meanings, written_default
 from brake_fenicsx.scene.units import DIMENSIONS
@@ -70,7 +70,7 @@ def sections(cls: Any, above: str = "") -> Iterator[Section]:
                 kind, name = typing.get_args(kind)[1], f"{name}.NAME"
             elif typing.get_origin(kind) is tuple:
                 kind, name = typing.get_args(kind)[0], f"[{name}]"
-            if is_dataclass(kind) and kind.__module__.startswith("brake_fenicsx.scene"):
+            if is_dataclass(kind) and kind.__module__.startswith("brake_fenicsx."):
                 yield Section(name, kind)
                 yield from sections(kind, f"{name}.")
 
@@ -114,7 +114,7 @@ def default_text(f: Field) -> str:
 def reference() -> str:
     """The whole page."""
     parts = [HEAD, STAGES_TEXT.format(stages=", ".join(f"`{s}`" for s in STAGES))]
-    for section in sections(Scene):
+    for section in sections(scene_type()):
         if section.name == "parts.NAME":
             parts += _parts()
             continue

@@ -82,7 +82,7 @@ def comm():
 
 def _one_pixel(monkeypatch, names):
     """Pictures of figures, meshes and modes have one pixel; a name is noted for each figure."""
-    from brake_fenicsx.report import animation, figures, render
+    from brake_fenicsx.report import figures, render
 
     def pixel(path, *args, **keys):
         from PIL import Image
@@ -96,7 +96,7 @@ def _one_pixel(monkeypatch, names):
 
     monkeypatch.setattr(figures, "save", save)
     for module, name in ((render, "render_mesh"), (render, "render_mode"),
-                         (animation, "animate_mode")):  # fmt: skip
+                         (render, "animate_mode")):  # fmt: skip
         monkeypatch.setattr(module, name, pixel)
     return names
 

@@ -6,4 +6,4 @@ from types import SimpleNamespace
 def at_contact(contact):
     """What gives the brake of a sample, of which there is no more than these elements."""
     scene = SimpleNamespace(contact=contact)
-    return lambda values: SimpleNamespace(values=values, contact=contact, brake=scene)
+    return lambda values: SimpleNamespace(values=values, contact=contact, reference=scene)

@@ -59,6 +59,14 @@ def test_each_page_of_the_interface_has_an_example_that_runs(page, tmp_path, mon
     assert capsys.readouterr().out
 
 
+def test_pages_written_by_hand_stay_short():
+    """README and pages, without those that a script writes, in words as `wc -w` counts them."""
+    pages = [(ROOT / "README.md").read_text(), *(p.read_text() for p in DOCS.glob("*.md"))]
+    by_hand = [page for page in pages if "\nWritten by `scripts/" not in page]
+    assert len(pages) - len(by_hand) == 4
+    assert sum(len(page.split()) for page in by_hand) <= 30_000
+
+
 def test_tests_that_pages_name_are_there():
     for page in DOCS.rglob("*.md"):
         for file, name in re.findall(r"`?(tests/[\w/]+\.py)(?:::(\w+))?", page.read_text()):

@@ -9,8 +9,8 @@ import pytest
 
 from brake_fenicsx.folder.extras import spared
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.results.tables import read_columns
 from coarse_block import BLOCK, ROUGH
+from run_tables import read_columns
 
 PAGE = "stages=['surface','equilibrium','stability','uncertainty','report']"
 WHOLE = [*ROUGH[1:], PAGE, "stability.drivers=true", "limit_cycle={}", "stability.verify=1"]

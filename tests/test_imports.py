@@ -62,6 +62,12 @@ def test_folders_import_those_before_them(folder):
     assert not {(file, name) for file, name in found if name in later}
 
 
+def test_the_core_imports_no_extra():
+    core = [file for file in sources() if file.relative_to(PACKAGE).parts[0] != "extras"]
+    assert len(core) > 200
+    assert not {str(file) for file in core for path in imported(file) if path[:1] == ("extras",)}
+
+
 def sources():
     """Modules of the package; geometry is a link to a folder beside it."""
     return [*PACKAGE.rglob("*.py"), *(PACKAGE / "geometry").glob("*.py")]

@@ -12,10 +12,10 @@ import pytest
 from brake_fenicsx import prepare
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.results.tables import read_columns
 from brake_fenicsx.samples.sampling import one_law
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import result_digest
+from run_tables import read_columns
 
 BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
 P0, U0 = 10.0, 10.0  # MPa and um

@@ -176,7 +176,12 @@ def test_no_ears_if_none_are_named():
         ("['equilibrium']", ["slepc4py", "SurfaceTopography", "matplotlib", "pyvista"]),
         (
             "['equilibrium','stability']",
-            ["SurfaceTopography", "matplotlib", "pyvista", "brake_fenicsx.extras.limit_cycle"],
+            [
+                "SurfaceTopography",
+                "matplotlib",
+                "pyvista",
+                "brake_fenicsx.extras.limit_cycle.cycles",
+            ],
         ),
         ("['surface']", ["dolfinx", "petsc4py", "slepc4py", "gmsh", "matplotlib", "pyvista"]),
     ],

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from brake_fenicsx.cli import main
-from brake_fenicsx.commands import parser
+from brake_fenicsx.parser import parser
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -92,7 +92,7 @@ def test_every_option_written_in_a_page_is_one_of_its_command():
     seen = set()
     for page in pages:
         for name, words in re.findall(r"brake-fenicsx (check|run|report)\b([^#`|\n]*)", page):
-            for option in re.findall(r"(?<=\s)--?[a-z]+", words.split(" -- ")[0]):
+            for option in re.findall(r"(?<=\s)--?[a-z]+(?:-[a-z]+)*", words.split(" -- ")[0]):
                 assert option in commands[name]._option_string_actions, (name, option)
                 seen.add(option)
     assert {"--set", "-o"} <= seen

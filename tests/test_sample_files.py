@@ -6,7 +6,6 @@ import subprocess
 import sys
 import tracemalloc
 from pathlib import Path
-from types import SimpleNamespace
 
 from mpi4py import MPI
 
@@ -17,7 +16,9 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.results.stored import Results
+from brake_fenicsx.results.blocks import Tabulation
+from brake_fenicsx.results.families import ModeFamilies
+from brake_fenicsx.results.stored import StoredSamples
 from brake_fenicsx.samples.ensemble import run_ensemble
 
 TASKS = [("parametric", k) for k in range(10)]
@@ -125,7 +126,7 @@ def test_samples_of_another_scene_and_damaged_ones_are_named(folder, name, k, va
         of(folder).samples.load(TASKS[k])
 
 
-def test_tables_need_some_hundred_bytes_for_a_mode():
+def test_tables_need_some_hundred_bytes_for_a_mode(tmp_path, monkeypatch):
     """Arrays of contact elements and coordinates are not kept: 50 modes, 1000 elements."""
     rng, modes, elements = np.random.default_rng(0), 50, 1000
     names = np.array([f"materials.lining.E_{i}" for i in range(9)])
@@ -142,19 +143,26 @@ def test_tables_need_some_hundred_bytes_for_a_mode():
             "partner": np.full(modes, -1), "random_names": names, "random": rng.random(9),
         }  # fmt: skip
 
-    store = SimpleNamespace(samples=SimpleNamespace(load=data))
-    tracemalloc.start()
-    few = Results(store, [("joint", k) for k in range(20)])
-    before = tracemalloc.get_traced_memory()[0]
-    parts = []
+    monkeypatch.setattr(sample_files, "BLOCK", 20)
+    store = of(tmp_path)
+    store.path("samples").mkdir()
     tasks = [("joint", k) for k in range(220)]
-    many = Results(store, tasks, modes=lambda part: parts.append(len(part["mode"])))
+    founders = ModeFamilies()
+    founders.add(basis + 0j, np.arange(1.0, modes + 1) / (2 * np.pi))
+    tabulate = Tabulation(founders=founders)
+    store.samples.tabulate = tabulate
+    for task in tasks:
+        store.samples.save(task, **data(task))
+    tracemalloc.start()
+    few = StoredSamples(store, tasks[:40], tabulate)
+    before = tracemalloc.get_traced_memory()[0]
+    many = StoredSamples(store, tasks, tabulate)
     after = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     assert len(few.members.vectors) == len(many.members.vectors) == modes
-    # Those of the first sample and the families are in both.
-    assert (after - before - before) / (200 * modes) < 50
-    assert sum(parts) == 220 * modes
+    # Those of the first sample and the families are in both; packed blocks stay in their files.
+    assert (after - before - before) / (180 * modes) < 50
+    assert many.modes["mode"].size == 220 * modes
 
 
 def test_json_of_a_folder_is_strict(tmp_path):

@@ -24,10 +24,10 @@ SCENES |= {
 
 @pytest.fixture(scope="module")
 def validator():
-    from brake_fenicsx.scene import Scene
+    from brake_fenicsx.scene import scene_type
     from brake_fenicsx.scene.tables import json_schema
 
-    schema = json_schema(Scene)
+    schema = json_schema(scene_type())
     jsonschema.Draft202012Validator.check_schema(schema)
     return jsonschema.Draft202012Validator(schema)
 

@@ -17,10 +17,10 @@ from brake_fenicsx.report.inputs import surface_arrays
 from brake_fenicsx.report.style import SKY
 from brake_fenicsx.report.surface_figures import draw_bearing_curve, draw_statistics
 from brake_fenicsx.results.run import read_run
-from brake_fenicsx.results.tables import read_columns, read_rows
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import laws_key, result_digest
 from brake_fenicsx.surface import given_statistics, read_topography, synthesise
+from run_tables import read_columns, read_rows
 
 PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
 SCANS = os.environ.get("BRAKE_FENICSX_SCANS")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.extensions import provided
 from brake_fenicsx.macro.elasticity import Elastic, FaceAddition, assemble_elastic
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
@@ -33,9 +34,7 @@ def assemble_bodies(scene: Scene, mesh: Mesh) -> Elastic:
         mesh, layers, supports, scene.mesh.degree, added, scene.mesh.mass == "lumped"
     )
     if any(part.matrices for part in scene.parts.values()):
-        from brake_fenicsx.extras.decks.external_bodies import with_superelements
-
-        elastic = with_superelements(scene, mesh, elastic)
+        elastic = provided("bodies", "parts.NAME.matrices", "matrices")(scene, mesh, elastic)
     inert = any(added.inertia for added in scene.masses.values())
     if scene.ties or inert or any(spring.faces for spring in scene.springs.values()):
         from .joints import joined_bodies

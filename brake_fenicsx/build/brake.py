@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extensions import sections
 from brake_fenicsx.macro.condensation import Compliance
 from brake_fenicsx.macro.contact import Contact, join
 from brake_fenicsx.macro.elasticity import Elastic
@@ -174,13 +175,14 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
             pair = getattr(one, "faces", None)
             named = {f'{table}."{name}"': name} if pair is None else {}
             faces |= named | {f"{table}.{name}.faces[{i}]": f for i, f in enumerate(pair or ())}
-    radiating = scene.limit_cycle.radiating if scene.limit_cycle else ()
-    faces |= {f"limit_cycle.radiating[{i}]": face for i, face in enumerate(radiating)}
+    areas: dict[str, str] = {}  # that sections of extras name
+    for section in sections(scene):
+        areas |= getattr(section, "areas", {})
+    faces |= areas
     for where, face in faces.items():
         load = scene.loads.get(face) if where.startswith("loads.") else None
-        spread = where.startswith(("contact.", "limit_cycle.")) or (
-            load is not None and load.pressure is not None
-        )
+        pressed = load is not None and load.pressure is not None
+        spread = where in areas or where.startswith("contact.") or pressed
         if spread and on_matrices(scene, face):
             raise SceneError(
                 f"{scene.file}: {where} = {face!r}: a set of nodes has no area; name a face of a"

@@ -186,7 +186,7 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
     box = Box(scene)
     ranges = {name: box.span(name) for name in filter(is_length, box.names)}
     shapes = shapes_of(scene, brake.mesh, ranges)
-    table = _Table(scene, brake, box, shapes)
+    table = _Rows(scene, brake, box, shapes)
     terms = [*table.moduli(), *table.layers()]
     _share_patterns([term.matrix for term in terms])
     terms += table.scalars()
@@ -194,7 +194,7 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
 
 
 @dataclass(frozen=True, slots=True)
-class _Table:
+class _Rows:
     """Rows of the table, kind by kind."""
 
     scene: Scene
@@ -263,7 +263,7 @@ class _Table:
         make, shape = partial(self._matrix, enters, given), self.shapes.get(lengths)
         if not given or (shape is None and not fixed):
             return
-        split = {(): make()}
+        split: dict[Power, sp.csr_matrix] = {(): make()}
         if shape is not None:
             split = (shape.stiffness if enters == "K" else shape.inertia)(self.brake.mesh, make)
         for power, A in split.items():

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.elasticity import affine_parts
-from brake_fenicsx.macro.friction import Friction, Rotation
+from brake_fenicsx.macro.friction import Rotation, SlidingFriction
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import (
@@ -79,7 +79,11 @@ class Terms:
     falls: bool = False
 
     def matrix(
-        self, contact: Contact, friction: Friction, p: Array, change: sp.csr_matrix | None = None
+        self,
+        contact: Contact,
+        friction: SlidingFriction,
+        p: Array,
+        change: sp.csr_matrix | None = None,
     ) -> sp.csr_matrix | None:
         """Damping of one sample at its equilibrium, C [N s/m]; None where nothing damps it.
 

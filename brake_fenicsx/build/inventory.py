@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.faces import Face, gather_face
+from brake_fenicsx.macro.free_motions import FreeMotions, free_motions
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.friction import slides
@@ -15,11 +17,13 @@ from brake_fenicsx.scene.sections import Motion
 
 from .brake import Brake
 from .contact_doubts import displacement_doubts, resolution_doubts
-from .free_motions import check_free_motions
 from .interfaces import scene_motion
 from .material_table import layer_materials
+from .part_builders import file_parts
 from .stated import left_out
 
+# Sections that join or hold parts.
+JOINING = ("ties", "springs", "supports")
 ALONE = 0.05  # share of a first face that faces nothing, from which it is said
 APART = 10e-6  # m, smallest gap before the load from which it is said
 
@@ -85,6 +89,49 @@ def inventory_lines(scene: Scene, brake: Brake) -> list[str]:
             f" {faces[0]} have no opposite face; gap before the load {low:.4g} to {high:.4g} um"
         )
     return lines
+
+
+def check_free_motions(scene: Scene, brake: Brake) -> list[str]:
+    """Refuse parts that move freely.
+
+    Args:
+        scene: the scene.
+        brake: its operators.
+
+    Returns:
+        Parts in several pieces with coincident nodes, and bodies that rest on contact unpressed.
+
+    Raises:
+        SceneError: the parts, the directions and the remedy.
+    """
+    given = [name for name, part in scene.parts.items() if part.matrices is not None]
+    found = free_motions(brake, given)
+    if found.motions:
+        raise SceneError(f"{scene.file}: {_refusal(scene, brake, found)}")
+    merge = [f"{text}; merge them in the mesh" for text in found.pieces.values()]
+    return merge + found.unpressed
+
+
+def _refusal(scene: Scene, brake: Brake, found: FreeMotions) -> str:
+    """What moves freely, and the remedies."""
+    sentences = []
+    for (parts, how), count in found.motions.items():
+        bodies = f"{count} pieces of part" if count > 1 else "parts" if len(parts) > 1 else "part"
+        together = " together" if len(parts) > 1 else ""
+        sentences.append(f"{bodies} {' and '.join(parts)}{together}: free to {how}")
+    free = {name for parts, _ in found.motions for name in parts}
+    sentences += [
+        f"{text}: merge them in the mesh" for name, text in found.pieces.items() if name in free
+    ]
+    left = left_out(scene, brake.mesh.unread).values()
+    lost = [one.said for stated in left for one in stated if one.section in JOINING]
+    if lost and (of_file := [name for name in file_parts(scene) if name in free]):
+        whose = f"{scene.mesh.file}, the mesh of {' and '.join(of_file)}"
+        sentences.append(f"{whose}, has {' and '.join(lost)}, which the scene has not")
+    return (
+        f"{'; '.join(sentences)}. Hold them by supports, ties or springs; contact holds along its"
+        " normal alone"
+    )
 
 
 def brake_doubts(scene: Scene, brake: Brake) -> list[str]:

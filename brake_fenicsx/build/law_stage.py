@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
+from math import ceil, inf, log2
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import BrakeError, NotConverged, SceneError, StorageError
+from brake_fenicsx.extensions import beside_samples
 from brake_fenicsx.folder.files import digest, emptied, whole_file
 from brake_fenicsx.folder.log import Progress, logger
 from brake_fenicsx.scene import Scene
@@ -30,6 +32,9 @@ PIECES = "cache/laws"
 # Hardness of a hard lining, a usual pressure of braking [Pa], and the share of the force beyond
 # the first at which elastic laws are doubtful.
 SOFT, BRAKING, SOME = 400e6, 0.2e6, 0.1
+# Laws are made up to this multiple of the mean pressure of the contact, and to this pressure [Pa]:
+# the hardest patch of a brake carries two to three times the mean.
+TIMES, LEAST = 4.0, 1e6
 
 
 def law_recipe(scene: Scene, stats: SurfaceStatistics) -> LawRecipe | None:
@@ -69,7 +74,9 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
     if micro is None:
         raise SceneError(f"{scene.file}: micro: the section is missing")
     path = this.store.path("laws.npz")
-    with this.stage("micro"), this.cache.shared("laws.npz", lambda: laws_key(scene), comm):
+    wanted = wanted_pressure(this)
+    key = {**laws_key(scene), "pressure": wanted}
+    with this.stage("micro"), this.cache.shared("laws.npz", lambda: key, comm):
         if not comm.bcast(path.exists(), root=0):
             recipe, number = law_recipe(scene, stats), micro.laws
             if recipe is None:
@@ -83,14 +90,19 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
                     *first.shape, 1e6 * r.S_q, 1e6 * stats.S_q, r.C0_scale,
                     100 * r.low_share,
                 )  # fmt: skip
-            pieces, again = _Pieces(this), support_draws(micro, recipe, stats)
+            if wanted < recipe.settings.highest:
+                logger.info(
+                    "laws up to %.3g MPa, at least %.3g times the mean pressure of the contact; a"
+                    " sample that needs more makes its laws longer", wanted / 1e6, TIMES,
+                )  # fmt: skip
+            pieces, again = _Pieces(this, key), support_draws(micro, recipe, stats)
             what = "laws and scans drawn anew" if again else "laws"
             counts = (len(range(comm.rank, n, comm.size)) for n in (number, again))
             whose = " of the first process" * (comm.size > 1)
             progress = Progress(f"{what}{whose}", sum(counts))
             own = {}
             for i in range(comm.rank, number, comm.size):
-                own[i] = pieces.law(i, recipe)
+                own[i] = pieces.law(i, recipe, wanted)
                 progress.advance()
             steps = {i: law for part in comm.allgather(own) for i, law in part.items()}
             notes = comm.bcast(
@@ -104,7 +116,8 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
             settings = {**recipe.record(), "seed": micro.seed, "notes": notes}
             if support is not None:
                 settings["support"] = {k: v.tolist() for k, v in asdict(support).items()}
-            library = make_library(laws, list(range(number)), settings)
+            reach = [recipe.reach(steps, wanted) for steps in laws]
+            library = make_library(laws, list(range(number)), settings, reach)
             if comm.rank == 0:
                 with whole_file(path, durable=True) as part:
                     save_laws(part, library)
@@ -113,24 +126,41 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
                 emptied(this.store.path(PIECES))
         library = load_laws(path)
         note_warnings(this, library.settings["notes"])
-        return library
+        recipe = None if library.reach is None else law_recipe(scene, stats)
+        return library if recipe is None else replace(library, longer=recipe.longer(micro.seed))
+
+
+def wanted_pressure(this: Run) -> float:
+    """Mean pressure up to which laws are made at first [Pa]; infinite for whole laws.
+
+    Whole ones where the scene names their highest pressure or has no brake. Brakes of about one
+    load have one pressure, and so one library: a power of two [MPa].
+    """
+    pressed, area = this.facts.get("pressed_N"), this.facts.get("face_area_mm2")
+    micro = this.scene.micro
+    if not pressed or not area or micro is None or micro.max_pressure is not None:
+        return inf
+    if beside_samples(this.scene):  # patches that vibrate pass any pressure of rest
+        return inf
+    mean = 1e6 * float(pressed) / float(area)
+    return LEAST * 2.0 ** max(0, ceil(log2(TIMES * mean / LEAST)))
 
 
 class _Pieces:
     """Laws and scans drawn anew, each stored as it is solved, until the library is written."""
 
-    def __init__(self, this: Run):
+    def __init__(self, this: Run, key: dict[str, Any]):
         """Look at what they depend on."""
-        self._store, self._key = this.store, digest(laws_key(this.scene))
+        self._store, self._key = this.store, digest(key)
         self._seed = 0 if this.scene.micro is None else this.scene.micro.seed
         self._store.path(PIECES).mkdir(parents=True, exist_ok=True)
 
-    def law(self, number: int, recipe: LawRecipe) -> LawSteps:
-        """Steps of a law."""
+    def law(self, number: int, recipe: LawRecipe, pressure: float) -> LawSteps:
+        """Steps of a law to a pressure [Pa]."""
         from brake_fenicsx.micro import LawSteps
 
         def solve() -> dict[str, Any]:
-            steps = recipe.law(self._seed, number)._asdict()
+            steps = recipe.law(self._seed, number, pressure)._asdict()
             return {name: a for name, a in steps.items() if a is not None}
 
         return LawSteps(**self._kept(f"law-{number:05d}", solve))

@@ -45,7 +45,7 @@ def layer_derivatives(
         name: Material(values.stiffness(name), t.rho * values.ratio(f"materials.{name}.rho"))
         for name, t in scene.materials.items()
     }
-    for name, material in layer_materials(scene, brake.brake.mesh.layers, own).items():
+    for name, material in layer_materials(scene, brake.reference.mesh.layers, own).items():
         stiffness, mass, turning = (
             0.0 if A is None else bilinear(A, *vectors) for A in _matrices(brake, name, material)
         )
@@ -60,8 +60,8 @@ def _matrices(
     brake: BrakeAt, layer: str, material: Material
 ) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix | None]:
     """Stiffness [N/m], mass [kg] and gyroscopic term [N s/m] of a layer, where it turns."""
-    scene, mesh, free = brake.values.scene, brake.brake.mesh, brake.brake.elastic.free
-    density, motion, changes = {layer: material.rho}, scene_motion(scene), brake.brake.changes
+    scene, mesh, free = brake.values.scene, brake.reference.mesh, brake.reference.elastic.free
+    density, motion, changes = {layer: material.rho}, scene_motion(scene), brake.reference.changes
     with ExitStack() as lengths:
         for names, shape in changes.shapes.items() if changes else ():
             if layer in shape.layers:

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.macro.friction import Friction
+from brake_fenicsx.macro.friction import SlidingFriction
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
@@ -93,14 +93,14 @@ class BrakeAt:
     """The brake of one sample.
 
     Attributes:
-        brake: the brake of all samples.
+        reference: the brake of the scene.
         values: scalars that differ from the scene.
         own_bodies: whether stiffness or mass are not those of the scene.
     """
 
     def __init__(self, brake: ParametricBrake, values: Values):
         """See ``ParametricBrake.at``."""
-        self.brake, self.values = brake, values
+        self.reference, self.values = brake, values
         self._changes = brake.changes
         self.own_bodies: bool = self._changes is not None and self._changes.changed_by(values)
 
@@ -108,7 +108,9 @@ class BrakeAt:
     def contact(self) -> Contact:
         """Contact elements."""
         return (
-            self.brake.contact if self._changes is None else self._changes.contact.at(self.values)
+            self.reference.contact
+            if self._changes is None
+            else self._changes.contact.at(self.values)
         )
 
     @property
@@ -132,28 +134,28 @@ class BrakeAt:
     def K(self) -> sp.csr_matrix:
         """Elastic stiffness [N/m], shape (dofs, dofs)."""
         change = self.stiffness_change
-        return self.brake.K if change is None else (self.brake.K + change).tocsr()
+        return self.reference.K if change is None else (self.reference.K + change).tocsr()
 
     @cached_property
     def M(self) -> sp.csr_matrix:
         """Mass [kg], likewise."""
         if self._changes is None or not self.own_bodies:
-            return self.brake.M
-        return (self.brake.M + self._changes.change(self.values, "M")).tocsr()
+            return self.reference.M
+        return (self.reference.M + self._changes.change(self.values, "M")).tocsr()
 
-    def C(self, friction: Friction, p: Array) -> sp.csr_matrix | None:
+    def C(self, friction: SlidingFriction, p: Array) -> sp.csr_matrix | None:
         """Damping at an equilibrium [N s/m], likewise; None where nothing damps the sample.
 
         Args:
             friction: of the contact elements.
             p: pressures [Pa], shape (elements,).
         """
-        if self.brake.terms is None:
+        if self.reference.terms is None:
             return None
         change = self._changes.change(self.values, "C") if self._changes and self.values else None
-        return self.brake.terms.matrix(self.contact, friction, p, change)
+        return self.reference.terms.matrix(self.contact, friction, p, change)
 
-    def rates(self, friction: Friction, p: Array) -> tuple[Array, Array]:
-        """Factors of slip rates that the damping of the scene names; see ``Friction.rates``."""
-        terms = self.brake.terms or Terms()
+    def rates(self, friction: SlidingFriction, p: Array) -> tuple[Array, Array]:
+        """Factors of slip rates that the damping of the scene names; see there."""
+        terms = self.reference.terms or Terms()
         return friction.rates(p, terms.turns, terms.falls)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import import_module
 
 from mpi4py import MPI
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.extras.decks.superelement import set_names
+from brake_fenicsx.extensions import provided
 from brake_fenicsx.meshing.brake_mesh import (
     Builder,
     Mesh,
@@ -22,6 +21,7 @@ from brake_fenicsx.meshing.brake_mesh import (
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings, gmsh_session
 from brake_fenicsx.meshing.rawmesh import RawMesh, joined
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.parts import builder_module
 
 from .mesh_files import file_mesh
 
@@ -29,7 +29,7 @@ from .mesh_files import file_mesh
 def scene_parts(scene: Scene) -> dict[str, Builder]:
     """Builder module and parameters of each part that has a builder."""
     return {
-        name: (import_module(f"brake_fenicsx.geometry.{part.builder}"), part.parameters)
+        name: (builder_module(part), part.parameters)
         for name, part in scene.parts.items()
         if part.builder is not None
     }
@@ -103,13 +103,19 @@ def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> list[s
             mesh, _ = file_mesh(scene, file_parts(scene))
             check_cells(mesh, mesh_settings(scene))
             layers, known = [*layers, *mesh.layers], [*known, *mesh.faces]
-        check_faces(faces, [*known, *set_names(scene)])
+        check_faces(faces, [*known, *_sets(scene)])
         return layers
 
     try:
         return on_rank_0(checked, comm, lambda layers: layers)
     except SceneError as error:
         raise SceneError(f"{scene.file}: {error}") from None
+
+
+def _sets(scene: Scene) -> list[str]:
+    """Sets of nodes of bodies given by matrices, "part.set"."""
+    given = [name for name, part in scene.parts.items() if part.matrices]
+    return provided("nodes", f"parts.{given[0]}.matrices", "matrices")(scene) if given else []
 
 
 def cut_loads(scene: Scene) -> list[str]:

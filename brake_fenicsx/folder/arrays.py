@@ -154,6 +154,25 @@ def check_mapped(file: Path) -> None:
                 raise ValueError(f"array {entry.filename!r} has another checksum")
 
 
+def mapped_member(archive: zipfile.ZipFile, name: str, check: bool) -> memoryview:
+    """Bytes of a member of an archive that is not compressed, mapped into memory.
+
+    Args:
+        archive: the archive, of a file.
+        name: of the member.
+        check: whether they are compared with their checksum.
+
+    Raises:
+        ValueError: they are not those that were written.
+    """
+    entry, content = archive.getinfo(name), _content(archive)
+    start = _start(content, entry)
+    found = memoryview(content)[start : start + entry.file_size]
+    if check and zlib.crc32(found) != entry.CRC:
+        raise ValueError(f"{name!r} has another checksum")
+    return found
+
+
 def read_npy(file: Path) -> np.ndarray[Any, Any]:
     """The array of a npy file; called in a block of ``reading``."""
     with file.open("rb") as stream:

@@ -13,12 +13,11 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.lock import BEAT, Lock
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
-from brake_fenicsx.folder.store import RUNNING, Store
+from brake_fenicsx.folder.store import PREPARED, RUNNING, Store
 
 T = TypeVar("T")
 
 FOLDER, SHARE = "folder", "share"  # what a run claims
-PREPARED = "cache/prepared.json"  # approaches whose samples have all that they share
 
 
 def check_folder(store: Store, digest: str, comm: MPI.Comm) -> None:

@@ -20,6 +20,7 @@ from brake_fenicsx.folder.lock import has_ended, process_name
 
 # End of the names of files that are being written, and when one of another machine is left [s].
 PART, OLD = ".part", 86400.0
+HEADS = 2**18  # bytes in which the line of ``bytes_of_arrays`` ends
 
 
 @contextmanager
@@ -102,11 +103,11 @@ def bytes_of_arrays(arrays: Mapping[str, np.ndarray[Any, Any]]) -> bytes:
     return line.encode() + b"".join(arrays[name].tobytes() for name in order)
 
 
-def arrays_of_bytes(content: bytes) -> dict[str, np.ndarray[Any, Any]]:
+def arrays_of_bytes(content: bytes | memoryview) -> dict[str, np.ndarray[Any, Any]]:
     """The arrays of ``bytes_of_arrays``, which cannot be written to."""
-    start = content.index(b"\n") + 1
-    out = {}
-    for name, kind, shape in json.loads(content[:start]):
+    line = bytes(content[:HEADS]).partition(b"\n")[0]
+    start, out = len(line) + 1, {}
+    for name, kind, shape in json.loads(line):
         dtype, size = np.dtype(kind), math.prod(shape)
         out[name] = np.frombuffer(content, dtype, size, start).reshape(shape)
         start += size * dtype.itemsize

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.arrays import read_npz, reading
+from brake_fenicsx.folder.arrays import mapped_member, read_npz, reading
 from brake_fenicsx.folder.files import arrays_of_bytes, bytes_of_arrays
 
 if TYPE_CHECKING:
@@ -58,9 +58,11 @@ class SampleFiles:
     def __init__(self, store: Store):
         self._store = store
         self.tabulate: Tabulate | None = None
-        # Names of the samples in archives that were looked at, and single files likewise.
+        # Names of the samples in archives that were looked at, single files likewise, and archives
+        # whose columns were compared with their checksum.
         self._archives: dict[str, frozenset[str]] = {}
         self._checked: set[str] = set()
+        self._whole: set[str] = set()
 
     def save(self, task: Task, **arrays: Any) -> None:
         """Write the arrays of a sample with the hash of its scene; pack its block if it is full.
@@ -121,6 +123,8 @@ class SampleFiles:
     def columns(self, task: Task) -> Arrays | None:
         """Columns of the block of a sample; None where it is not packed, or was packed without.
 
+        They are mapped into memory; their checksum is looked at the first time.
+
         Raises:
             SceneError: the archive is damaged, or belongs to another scene.
         """
@@ -132,7 +136,9 @@ class SampleFiles:
                 raise _foreign(path)
             if COLUMNS not in file.NameToInfo:
                 return None
-            return arrays_of_bytes(file.read(COLUMNS))
+            content = mapped_member(file, COLUMNS, check=path.name not in self._whole)
+            self._whole.add(path.name)
+            return arrays_of_bytes(content)
 
     def _names(self) -> list[str]:
         """Files there are; none where there is no folder yet."""

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.entry import PREPARED, SHARE
+from brake_fenicsx.folder.entry import SHARE
 from brake_fenicsx.folder.lock import Lock, Share
 from brake_fenicsx.folder.sample_files import FOLDER, SampleFiles, Task
-from brake_fenicsx.folder.store import RUNNING, Store
+from brake_fenicsx.folder.store import PREPARED, RUNNING, Store
 
 LATEST = 20  # files of samples whose times tell the present rate
 

@@ -29,6 +29,7 @@ from brake_fenicsx.folder.sample_files import SampleFiles, damaged
 
 # What to forget when a stage is run again; later stages lose theirs too.
 RUNNING, MARK = "running", "scene.sha256"
+PREPARED = "cache/prepared.json"  # approaches whose samples have all that they share
 _FILES = {
     "surface": ("surface.npz",),
     "micro": ("laws.npz", "contact_maps.npz"),
@@ -43,9 +44,10 @@ _FILES = {
 
 # What is made of the samples and the lines of a sweep at the end of every run.
 MADE_OF_SAMPLES = (
-    "samples.csv", "modes.csv", "modes.parquet", "contact.csv", "drivers.csv",
-    "drivers_contact.csv", "probabilities.csv", "convergence.csv", "sensitivity.csv", "shapes.npz",
-    "sweep.csv", "lock_in.csv", "chart.csv", "critical.csv", "critical_curve.csv",
+    "samples.csv", "modes.csv", "modes.parquet", "contact.csv", "contact.npz", "drivers.csv",
+    "drivers_contact.csv", "probabilities.csv", "convergence.csv", "sensitivity.csv", "causes.npz",
+    "shapes.npz", "sweep.npz", "sweep.csv", "lock_in.csv", "chart.csv", "critical.csv",
+    "critical_curve.csv", "mode_shapes.npz",
 )  # fmt: skip
 
 

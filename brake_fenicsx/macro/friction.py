@@ -1,9 +1,9 @@
 """Sliding: direction of the disc's velocity relative to the pad, and Coulomb friction.
 
-Friction has one encoding inside: ``Friction``, for each contact element the coefficient mu at its
-sliding speed V and the slope mu'(V). With the pressure p and the contact stiffness k everything
-else follows from it (``patch_forces``): the traction mu p of the equilibrium, mu k of its tangent,
-and of small vibrations p mu'(V) along and mu p / V across the sliding direction.
+Friction has one encoding inside: ``SlidingFriction``, for each contact element the coefficient mu
+at its sliding speed V and the slope mu'(V). With the pressure p and the contact stiffness k
+everything else follows from it (``patch_forces``): the traction mu p of the equilibrium, mu k of
+its tangent, and of small vibrations p mu'(V) along and mu p / V across the sliding direction.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def tangent_frame(normal: Array) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True, slots=True)
-class Friction:
+class SlidingFriction:
     """Friction of the contact elements, each of shape (elements,).
 
     Attributes:

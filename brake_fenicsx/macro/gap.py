@@ -16,7 +16,7 @@ Rough laws are not clipped at delta = 0: their summits carry load from first tou
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -64,6 +64,11 @@ class EnrichedGap:
     def vibration(self, g: Array) -> tuple[Array, Array]:
         """Stiffness v of small vibrations about the state at g [Pa/m], and dv/dg [Pa/m^2]."""
         return self.laws.vibration(self.index, self.delta(g))
+
+    def up_to(self, p: Array) -> EnrichedGap:
+        """With laws that are known at these pressures [Pa] too; itself where they all are."""
+        laws = self.laws.up_to(self.index, p)
+        return self if laws is self.laws else replace(self, laws=laws)
 
     def beyond(self, p: Array, w: Array) -> float:
         """Share of the normal force above the pressures up to which the laws are known.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.extras.decks.draft.beside import beside
+from brake_fenicsx.extensions import extras, load
 
 from .filemesh import NO_CELLS, FileMesh, completed
 from .meshfile import read_mesh_file
@@ -87,7 +87,11 @@ def mesh_of_file(
     for group, target in given.groups.items():
         if kinds[group][0] != "cells":
             faces |= _faces(found, mesh, group, target, kinds[group])
-    mesh = replace(mesh, unread=beside(Path(given.file), found, mesh, faces, kinds.values()))
+    file = Path(given.file)
+    for extra in extras():
+        if extra.unread and file.suffix in extra.readers:
+            unread = load(extra.unread)(file, found, mesh, faces, kinds.values())
+            mesh = replace(mesh, unread=unread)
     return without_unused_nodes(_turned_right(_apart(mesh, faces, given.split)))
 
 

@@ -1,4 +1,4 @@
-"""Readers of mesh files: gmsh by gmsh, Abaqus, Ansys and Nastran by modules here, others by meshio.
+"""Readers of mesh files: gmsh by gmsh, decks by the extra of that name, others by meshio.
 
 Meshio reads no .cdb, of an .inp neither surfaces nor two element blocks of one set, and of a .bdf
 neither coordinate systems nor included files.
@@ -14,9 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.extras.decks.abaqus import read_abaqus
-from brake_fenicsx.extras.decks.ansys import read_ansys
-from brake_fenicsx.extras.decks.nastran import SUFFIXES, read_nastran
+from brake_fenicsx.extensions import absent, extras, load
 from brake_fenicsx.folder.arrays import reading
 
 from .filemesh import NO_CELLS, SOLIDS, FileMesh, each_once, gmsh_order, one_kind, same_length
@@ -43,14 +41,14 @@ def read_mesh_file(path: Path) -> FileMesh:
             .nas, .med, .vtu, ...).
 
     Raises:
-        SceneError: the file is missing, of no known kind, or damaged.
+        SceneError: the file is missing, of no known kind, or damaged, or its reader is not there.
     """
-    readers = {
-        ".inp": (read_abaqus, "as an Abaqus deck"), ".cdb": (read_ansys, "as an Ansys archive"),
-        ".msh": (read_gmsh, "by gmsh"),
-        **dict.fromkeys(SUFFIXES, (read_nastran, "by pyNastran")),
-    }  # fmt: skip
-    read, how = readers.get(path.suffix, (read_other, "by meshio"))
+    read, how = {".msh": (read_gmsh, "by gmsh")}.get(path.suffix, (read_other, "by meshio"))
+    found = [extra.readers[path.suffix] for extra in extras() if path.suffix in extra.readers]
+    if found:
+        read, how = load(found[0][0]), found[0][1]
+    elif text := absent(path.suffix):
+        raise SceneError(f"{path.suffix}: {text}")
     with reading(path, how, REMEDY, at=""):
         mesh = read(path)
     each_once(mesh, merge=path.suffix == ".msh")

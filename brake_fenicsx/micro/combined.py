@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from brake_fenicsx.micro.law import Array, Index, Law, Laws, same_shape, smooth_vibration
 
@@ -36,6 +37,10 @@ class OneLaw:
     def vibration(self, index: Index, d: Array) -> tuple[Array, Array]:
         """See ``Laws``."""
         return smooth_vibration(self.law.vibration, same_shape(index, d)[1])
+
+    def up_to(self, index: Index, p: ArrayLike) -> OneLaw:
+        """See ``Laws``: a formula is known everywhere."""
+        return self
 
     def highest(self, index: Index) -> Array:
         """See ``Laws``."""
@@ -71,6 +76,11 @@ class ScaledLaws:
         v, slope = self.laws.vibration(index, d)
         return self.factor * v, self.factor * slope
 
+    def up_to(self, index: Index, p: ArrayLike) -> ScaledLaws:
+        """See ``Laws``."""
+        laws = self.laws.up_to(index, np.asarray(p) / self.factor)
+        return self if laws is self.laws else replace(self, laws=laws)
+
     def highest(self, index: Index) -> Array:
         """See ``Laws``."""
         return self.factor * self.laws.highest(index)
@@ -104,6 +114,16 @@ class JoinedLaws:
         """See ``Laws``."""
         v, slope = self._each("vibration", index, d)
         return v, slope
+
+    def up_to(self, index: Index, p: ArrayLike) -> JoinedLaws:
+        """See ``Laws``."""
+        owner = np.searchsorted(self.start, index, side="right") - 1
+        parts = tuple(
+            part.up_to(index[owner == j] - self.start[j], np.asarray(p)[owner == j])
+            for j, part in enumerate(self.parts)
+        )
+        same = all(a is b for a, b in zip(parts, self.parts, strict=True))
+        return self if same else replace(self, parts=parts)
 
     def highest(self, index: Index) -> Array:
         """See ``Laws``."""

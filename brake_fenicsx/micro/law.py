@@ -9,7 +9,7 @@ stiffness of small vibrations, which the modes read, is interpolated by itself (
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -76,8 +76,21 @@ class Laws(Protocol):
     def vibration(self, index: Index, d: Array) -> tuple[Array, Array]:
         """Stiffnesses v of small vibrations [Pa/m] and their slopes dv/dd [Pa/m^2]."""
 
+    def up_to(self, index: Index, p: ArrayLike) -> Laws:
+        """Laws that are known at the pressures p [Pa] too, of the shape of ``index``.
+
+        These laws themselves where they are: a caller that gets others solves again with them.
+        """
+
     def highest(self, index: Index) -> Array:
         """Pressures [Pa] up to which the laws are known, shape of ``index``; inf for a formula."""
+
+
+class Longer(Protocol):
+    """What makes a law of a library again, to a higher pressure."""
+
+    def __call__(self, number: int, pressure: float) -> tuple[LawSteps, float]:
+        """Steps of a law, and the pressure [Pa] up to which they are those of the whole law."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +109,10 @@ class LawLibrary:
             those of loading.
         slope: dv/dd at the steps [Pa/m^2], shape (n, m).
         area: share of the patch that touches at the steps [-], shape (n, m).
+        reach: mean pressures up to which the laws are known [Pa], shape (n,): a law that was made
+            for a low pressure goes on as a straight line earlier than the whole one; infinite for
+            whole laws, which all are if None.
+        longer: makes a law to a higher pressure; not stored.
     """
 
     d: Array
@@ -107,6 +124,8 @@ class LawLibrary:
     v: Array | None = None
     slope: Array | None = None
     area: Array | None = None
+    reach: Array | None = None
+    longer: Longer | None = field(default=None, repr=False, compare=False)
     _flat: tuple[Array, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -178,10 +197,26 @@ class LawLibrary:
         fall = np.where((place < 0) & (share > 0.0), -v[at] * foot, fall)
         return between * share, fall
 
+    def up_to(self, index: Index, p: ArrayLike) -> LawLibrary:
+        """See ``Laws``: laws that end too low are made again, the others stay as they are."""
+        if self.reach is None or self.longer is None:
+            return self
+        wanted = np.zeros(len(self))
+        np.maximum.at(wanted, np.asarray(index), p)
+        short = np.flatnonzero(wanted > self.reach)
+        if not short.size:
+            return self
+        steps, reach = [self[i].steps for i in range(len(self))], self.reach.copy()
+        for i in short:
+            steps[i], reach[i] = self.longer(int(self.seed[i]), float(wanted[i]))
+        made = make_library(steps, self.seed.tolist(), self.settings, reach.tolist())
+        return replace(made, longer=self.longer)
+
     def highest(self, index: Index) -> Array:
-        """Pressures of the last steps [Pa], shape of ``index``."""
+        """Pressures [Pa] up to which the laws are known, shape of ``index``."""
         i = np.asarray(index, dtype=np.intp)
-        return self.p[i, self.count[i] - 1]
+        last = self.p[i, self.count[i] - 1]
+        return last if self.reach is None else np.minimum(last, self.reach[i])
 
     def at_pressure(self, pressure: float | str) -> LawSteps:
         """Every law at one mean pressure.
@@ -282,6 +317,7 @@ def make_library(
     steps: Sequence[LawSteps],
     seeds: list[int] | None = None,
     settings: dict[str, Any] | None = None,
+    reach: Sequence[float] | None = None,
 ) -> LawLibrary:
     """Put laws into arrays of one size.
 
@@ -289,6 +325,7 @@ def make_library(
         steps: the points of each law; either all laws have ``v`` and ``slope``, or none.
         seeds: seed of the surface behind each law; -1 if not given.
         settings: how the laws were made.
+        reach: of each law, see ``LawLibrary``; whole ones if not given.
 
     Raises:
         SceneError: no law, or steps that are not monotone.
@@ -308,7 +345,8 @@ def make_library(
     }
     count = np.array([len(law.d) for law in steps], dtype=np.intp)
     seed = np.array(seeds if seeds is not None else [-1] * len(steps), dtype=np.int64)
-    return LawLibrary(count=count, seed=seed, settings=settings or {}, **rows)
+    ends = None if reach is None or np.isinf(reach).all() else np.array(reach, dtype=float)
+    return LawLibrary(count=count, seed=seed, settings=settings or {}, reach=ends, **rows)
 
 
 def _filled_up(rows: Sequence[Array], width: int) -> Array:

@@ -23,6 +23,7 @@ Reference: W. S. Cleveland, J. Am. Stat. Assoc. 74 (1979) 829, doi:10.1080/01621
 from __future__ import annotations
 
 import logging
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -62,15 +63,22 @@ def with_vibration(steps: LawSteps) -> LawSteps:
     if x.size < 3:  # too short for a line: one pixel, or a plateau
         v = steps.k if steps.v is None else steps.v
         return steps._replace(v=v, slope=np.zeros_like(v))
-    grid = np.linspace(x[0], x[-1], max(3, round((x[-1] - x[0]) / WIDTH * POINTS)))
-    _, fall = local_lines(grid, np.interp(grid, x, steps.d))
-    compliance = np.maximum(-fall, 1e-12 * (steps.d[0] - steps.d[-1]))  # -dd / d ln p [m]
-    given = grid - np.log(compliance) if steps.v is None else np.interp(grid, x, np.log(steps.v))
+    # Of points at places that do not depend on where the law ends.
+    grid = x[0] + WIDTH / POINTS * np.arange(max(3, ceil((x[-1] - x[0]) / WIDTH * POINTS) + 1))
+    _, fall = local_lines(grid, _continued(grid, x, steps.d))
+    compliance = np.maximum(-fall, 1e-12 * abs(steps.d[0]))  # -dd / d ln p [m]
+    given = grid - np.log(compliance) if steps.v is None else _continued(grid, x, np.log(steps.v))
     level, rise = local_lines(grid, given)
     on_grid = given if steps.v is None else level
     slope = -np.exp(on_grid) * np.maximum(rise, 0.0) / compliance
     v = np.exp(np.interp(x, grid, given)) if steps.v is None else steps.v
     return steps._replace(v=v, slope=np.interp(x, grid, slope))
+
+
+def _continued(grid: Array, x: Array, y: Array) -> Array:
+    """Values between points, and on the line of the last two beyond them."""
+    beyond = np.maximum(grid - x[-1], 0.0) * (y[-1] - y[-2]) / (x[-1] - x[-2])
+    return np.interp(grid, x, y) + beyond
 
 
 def local_lines(x: Array, y: Array) -> tuple[Array, Array]:
@@ -127,12 +135,14 @@ def doubts(surface: Topography) -> list[str]:
     return [*surface.warnings, *([steep] if slope > 1.0 else [])]
 
 
-def law_steps(surface: Topography, settings: LawSettings) -> LawSteps:
+def law_steps(surface: Topography, settings: LawSettings, pressure: float = np.inf) -> LawSteps:
     """Solved points of the law of a rough surface.
 
     Args:
         surface: rough surface without missing points.
         settings: how it is pressed.
+        pressure: mean pressure [Pa] up to which the law is wanted; by default to the highest of
+            the settings. Up to it the shorter law is the longer one, digit for digit.
 
     Raises:
         As ``contact_law``.
@@ -144,8 +154,36 @@ def law_steps(surface: Topography, settings: LawSettings) -> LawSteps:
     while settings.grids == "cascade" and surface.periodic and min(h.shape) >= 2 * COARSEST:
         h = low_passed(h, (h.shape[0] // 2, h.shape[1] // 2))
         grids.append(h)
-    steps = _press(grids, surface.size, settings, first_load(grids[0], surface, settings))
-    return with_vibration(steps)
+    first = first_load(grids[0], surface, settings)
+    last = min(settings.highest, pressure * _beyond(settings))
+    return with_vibration(_press(grids, surface.size, settings, first, last / settings.E_star))
+
+
+def reach(steps: LawSteps, settings: LawSettings, pressure: float = np.inf) -> float:
+    """Mean pressure [Pa] up to which steps made for a pressure are those of the whole law.
+
+    Args:
+        steps: the law.
+        settings: how it was made.
+        pressure: the pressure that ``law_steps`` was given [Pa].
+
+    Returns:
+        Infinite for a whole law: one that ends at the highest pressure of the settings, or where
+        its surface closes.
+    """
+    margin = _beyond(settings)
+    wanted = min(settings.highest, pressure * margin) * (1.0 - 1e-9)
+    whole = steps.p[-1] < wanted or steps.p[-1] >= settings.highest * (1.0 - 1e-9)
+    return np.inf if whole else float(min(steps.p[-1] / margin, steps.p[-2]))
+
+
+def _beyond(settings: LawSettings) -> float:
+    """How far beyond a pressure the regression lines at it reach, as a ratio [-].
+
+    Half a width, and for an elastic surface, whose slope is that of a line through slopes, two.
+    """
+    halves = 2 if settings.hardness is None else 1
+    return float(np.exp(WIDTH * (0.5 * halves + 3.0 / POINTS)))
 
 
 def first_load(h: Array, surface: Topography, settings: LawSettings) -> float:
@@ -160,10 +198,19 @@ def first_load(h: Array, surface: Topography, settings: LawSettings) -> float:
     return float(first)
 
 
-def _press(grids: list[Array], size: Array, settings: LawSettings, first: float) -> LawSteps:
-    """Points of the law over a cascade of grids, from the finest on, in Pa."""
+def _press(
+    grids: list[Array], size: Array, settings: LawSettings, first: float, last: float
+) -> LawSteps:
+    """Points of the law over a cascade of grids, from the finest on, in Pa.
+
+    Args:
+        grids: heights [m], each with half the pixels along a side of the one before.
+        size: lengths of the patch [m].
+        settings: how it is pressed.
+        first: mean pressure over E* of the first step [-].
+        last: mean pressure over E* to reach or pass [-].
+    """
     table: Array = np.empty((5, 0))
-    last = settings.highest / settings.E_star
     for h, coarser in zip(grids, [*grids[1:], None], strict=True):
         stop = None if coarser is None else round(TOUCHING * h.size / coarser.size)
         rows = _rows(h, size, settings, (first, last), stop)
@@ -175,7 +222,7 @@ def _press(grids: list[Array], size: Array, settings: LawSettings, first: float)
         first = float(table[1, -1])
         if first >= last * (1.0 - 1e-9):
             break
-    falls = np.concatenate([[True], np.diff(table[0]) < -1e-12 * np.abs(table[0]).max()])
+    falls = np.concatenate([[True], np.diff(table[0]) < -1e-12 * abs(table[0, 0])])
     d, p, k, v, area = table[:, falls]
     E = settings.E_star
     return LawSteps(d, p * E, k * E, None if settings.hardness is None else v * E, None, area)
@@ -184,16 +231,17 @@ def _press(grids: list[Array], size: Array, settings: LawSettings, first: float)
 def _rows(
     h: Array, size: Array, settings: LawSettings, ends: tuple[float, float], stop: int | None
 ) -> Array:
-    """Press one grid between two mean pressures over E*, or until ``stop`` pixels touch.
+    """Press one grid from a mean pressure over E* to or past another, or to ``stop`` pixels.
 
     Rows: d [m], p / E* [-], k / E* and v / E* [1/m], touching share [-].
     """
     space = half_space_of(h, size, settings.boundary)
     coarse = max(1, round(settings.steps / np.log10(settings.highest / settings.lowest)))
     cap = None if settings.hardness is None else settings.hardness / settings.E_star
+    highest = settings.highest / settings.E_star
     steps = sweep(
-        space, h, ends[0] * h.size, ends[1] * h.size, max(STEPS_PER_DECADE, coarse), coarse,
-        settings.tolerance, cap, stop,
+        space, h, ends[0] * h.size, highest * h.size, max(STEPS_PER_DECADE, coarse), coarse,
+        settings.tolerance, cap, stop, ends[1] * (1.0 - 1e-9) * h.size,
     )  # fmt: skip
     return _without_bulk(steps, space, settings)
 

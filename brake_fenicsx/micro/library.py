@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import logging
 from dataclasses import asdict, dataclass
+from functools import cache
+from math import ceil, log2
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +14,8 @@ import numpy as np
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import read_npz, reading
-from brake_fenicsx.micro.law import LawLibrary, LawSteps, make_library
-from brake_fenicsx.micro.law_of_surface import doubts, law_steps
+from brake_fenicsx.micro.law import LawLibrary, LawSteps, Longer, make_library
+from brake_fenicsx.micro.law_of_surface import doubts, law_steps, reach
 from brake_fenicsx.micro.loading import solve_contact
 from brake_fenicsx.micro.settings import LawSettings
 from brake_fenicsx.surface import BiFractal, HeightDistribution, Topography, synthesise
@@ -52,9 +54,32 @@ class LawRecipe:
         rng = np.random.default_rng(child)
         return synthesise(self.psd, self.hdf, self.shape, self.size, rng, self.low, self.variance)
 
-    def law(self, seed: int, number: int) -> LawSteps:
-        """Steps of the law of that surface, see ``law_steps``."""
-        return law_steps(self.surface(seed, number), self.settings)
+    def law(self, seed: int, number: int, pressure: float = np.inf) -> LawSteps:
+        """Steps of the law of that surface up to a mean pressure [Pa], see ``law_steps``."""
+        return law_steps(self.surface(seed, number), self.settings, pressure)
+
+    def reach(self, steps: LawSteps, pressure: float) -> float:
+        """Mean pressure [Pa] up to which steps made for a pressure are those of the whole law."""
+        return reach(steps, self.settings, pressure)
+
+    def longer(self, seed: int) -> Longer:
+        """What makes laws of the family of ``seed`` longer, to twice a pressure or beyond.
+
+        Pressures are rounded up to powers of two [MPa], so that a law has few lengths, which are
+        kept.
+        """
+
+        @cache
+        def made(number: int, power: int) -> tuple[LawSteps, float]:
+            pressure = 1e6 * 2.0**power
+            logger.info("law %d is made longer, to %.3g MPa", number, pressure / 1e6)
+            steps = self.law(seed, number, pressure)
+            return steps, self.reach(steps, pressure)
+
+        def longer(number: int, pressure: float) -> tuple[LawSteps, float]:
+            return made(number, ceil(log2(min(pressure, self.settings.highest) / 1e6)) + 1)
+
+        return longer
 
     def record(self) -> dict[str, Any]:
         """What the laws were made with, for the record on disk."""
@@ -117,7 +142,7 @@ def save_laws(path: str | Path, laws: LawLibrary) -> None:
         path: ``.npz`` file to write.
         laws: the library.
     """
-    arrays = {name: getattr(laws, name) for name in ("count", "seed", *LawSteps._fields)}
+    arrays = {name: getattr(laws, name) for name in ("count", "seed", "reach", *LawSteps._fields)}
     arrays = {name: array for name, array in arrays.items() if array is not None}
     with Path(path).open("wb") as file:
         np.savez(file, settings=np.array(json.dumps(laws.settings, sort_keys=True)), **arrays)

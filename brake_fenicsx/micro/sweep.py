@@ -57,6 +57,7 @@ class Step:
 def sweep(
     space: HalfSpace, h: Array, lowest: float, highest: float, fine: int, coarse: int,
     tolerance: float, hardness: float | None = None, stop: int | None = None,
+    enough: float = np.inf,
 ) -> list[Step]:  # fmt: skip
     """Press a surface from one touching pixel to a high load.
 
@@ -70,6 +71,8 @@ def sweep(
         tolerance: of the certificate of each step [-].
         hardness: pressure over E* at which a pixel yields [-]; None for an elastic surface.
         stop: end where more pixels than these touch; None to go on to ``highest``.
+        enough: end at the first step of this sum or more [-]. The steps before it are those of a
+            sweep to ``highest``, digit for digit.
 
     Returns:
         Steps of rising load. A periodic surface may close before ``highest``: then the sweep ends,
@@ -90,17 +93,20 @@ def sweep(
     limit = h.size if stop is None else stop
     rates = fine, coarse
     few = dense(h.size) if stop is None else min(stop, 2 * dense(h.size))
-    steps, reached = _few_steps(space, h, lowest, highest, rates, tolerance, cap, few)
-    if steps[-1].total >= highest * (1.0 - 1e-9) or _closed(space, steps[-1]):
+    end = min(enough, highest * (1.0 - 1e-9))
+    steps, reached = _few_steps(space, h, lowest, highest, rates, tolerance, cap, few, end)
+    if steps[-1].total >= end or _closed(space, steps[-1]):
         return steps
-    return steps + _many_steps(space, h, highest, rates, tolerance, steps[-1], reached, cap, limit)
+    return steps + _many_steps(
+        space, h, highest, rates, tolerance, steps[-1], reached, cap, limit, end
+    )
 
 
 def _few_steps(
     space: HalfSpace, h: Array, lowest: float, highest: float, rates: tuple[int, int],
-    tolerance: float, cap: float, most: int,
+    tolerance: float, cap: float, most: int, end: float,
 ) -> tuple[list[Step], tuple[Array, Array]]:  # fmt: skip
-    """Steps of equal ratio in the load with the active set, until more than ``most`` touch."""
+    """Steps of equal ratio in the load with the active set, to ``end`` or ``most`` pixels."""
     order = _highest_first(h)
     pixels = _highest(space, h, order, 64)
     contact = Touching(np.array([0]), np.zeros(1), np.zeros(1), h, 0.0, 0, 0)
@@ -118,7 +124,7 @@ def _few_steps(
             solved = _by_gradients(space, h, total, last, tolerance, cap)
         contact = solved
         steps.append(_few_step(space, pixels, contact, total, tolerance, cap))
-        if total >= highest or contact.points.size > most or _closed(space, steps[-1]):
+        if total >= end or contact.points.size > most or _closed(space, steps[-1]):
             return steps, _spread(pixels, contact, h, order)
         total = min(total * _ratio(rates, contact.points.size), highest)
 
@@ -209,13 +215,12 @@ def _spread(pixels: Pixels, contact: Touching, h: Array, order: Index) -> tuple[
 
 def _many_steps(
     space: HalfSpace, h: Array, highest: float, rates: tuple[int, int], tolerance: float,
-    last: Step, reached: tuple[Array, Array], cap: float, limit: int,
+    last: Step, reached: tuple[Array, Array], cap: float, limit: int, end: float,
 ) -> list[Step]:  # fmt: skip
     """Continue at given loads with conjugate gradients."""
     found: list[Step] = []
     p, unit = reached
     whole = unit
-    end = highest * (1.0 - 1e-9)
     while last.total < end and last.touching <= limit and not _closed(space, last):
         total = min(last.total * _ratio(rates, last.touching), highest)
         guess = np.maximum(p + (total - last.total) / last.stiffness * unit, 0.0)

@@ -1,7 +1,8 @@
-"""Contact pressure on both pads, one row per approach."""
+"""Figures of contact: maps of rough contact, laws, pressure on the faces of the brake."""
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,11 +12,259 @@ from brake_fenicsx.results.run import Arrays, RunData, sort_approaches
 from brake_fenicsx.results.tables import Columns, rows_of
 
 from .fields import facet_means
-from .style import PRESSURE, label, new_figure
+from .style import BLACK, BLUE, ORANGE, PRESSURE, label, light_grid, new_figure, panel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+MOST_MAPS = 6
+FEW_POINTS = 300  # fewer touching points are circled
+FEW_LAWS = 5  # fewer have no band
+
+
+def draw_contact_maps(run: RunData) -> Figure | None:
+    """Figure 7: where the surface touches the rigid plane, at loads from light to heavy."""
+    maps = run.maps
+    if maps is None or maps["pressures"].shape[0] == 0:
+        return None
+    n = maps["pressures"].shape[0]
+    chosen = np.unique(np.linspace(0, n - 1, min(n, MOST_MAPS)).round().astype(int))
+    columns = 2 if chosen.size in (2, 4) else min(3, chosen.size)
+    rows = -(-chosen.size // columns)
+    figure, axes = new_figure(
+        rows, columns, height=2.75 * rows, width=2.4 * columns + 0.9, sharex=True, sharey=True
+    )
+    positive = maps["pressures"][maps["pressures"] > 0] / 1e6
+    limits = _limits(positive)
+    image: Any = None
+    for axis, j in zip(axes.flat, chosen, strict=False):
+        image = _draw_map(axis, maps, int(j), limits)
+    for axis in axes.flat[chosen.size :]:
+        axis.set_visible(False)
+    for axis in axes[-1]:
+        axis.set_xlabel("x [mm]")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("y [mm]")
+    shape = "{} x {}".format(*maps["pressures"].shape[1:])
+    text = f"contact pressure [MPa], {shape} points; white: no contact"
+    figure.colorbar(image, ax=list(axes.flat), label=text, extend="both", shrink=0.9)
+    return figure
+
+
+def draw_laws(run: RunData) -> Figure | None:
+    """Figure 8: pressure against separation, linear and log, and stiffness against pressure."""
+    laws = run.laws
+    if laws is None or laws["d"].shape[0] == 0:
+        return None
+    figure, axes = new_figure(1, 3, height=3.3)
+    E_star = _modulus(laws)
+    d, p, k = laws["d"] * 1e6, laws["p"], laws["k"]
+    _draw_bundle(axes[0, 0], d, p / 1e6)
+    axes[0, 0].set(xlabel="separation $d$ [µm]", ylabel="mean pressure $p$ [MPa]")
+    axes[0, 0].set_ylim(bottom=0)
+    panel(axes[0, 0], "a", f"{d.shape[0]} laws, linear")
+    scale = E_star or 1e6
+    _draw_bundle(axes[0, 1], d, p / scale)
+    text = "$p/E^*$ [-]" if E_star else "mean pressure $p$ [MPa]"
+    axes[0, 1].set(yscale="log", xlabel="separation $d$ [µm]", ylabel=text)
+    panel(axes[0, 1], "b", f"log, $E^*$ = {E_star / 1e6:.0f} MPa" if E_star else "log")
+    _draw_stiffness(axes[0, 2], p / 1e6, k / 1e9, laws["v"] / 1e9 if "v" in laws else None)
+    _mark_braking(axes[0, 2], run)
+    for axis in axes.flat:
+        light_grid(axis)
+    axes[0, 0].legend(loc="upper right")
+    handles, names = axes[0, 2].get_legend_handles_labels()
+    shown = [(h, n) for h, n in zip(handles, names, strict=True) if n != "each law"]
+    if shown:
+        axes[0, 2].legend(*zip(*shown, strict=True), loc="lower right", fontsize=7.5)
+    return figure
+
+
+def laws_caption(run: RunData) -> str:
+    """Caption of figure 8."""
+    laws = run.laws or {}
+    said = [
+        "Library of pressure-gap laws, one line each: mean pressure of a patch against the"
+        " separation of rigid plane and mean plane, linear and logarithmic, and stiffness against"
+        f" pressure{', with the range of pressures on the pads' if _braking(run) else ''}.",
+        "Steps at low pressure occur because only a few points touch.",
+    ]
+    if laws and len(laws["d"]) >= FEW_LAWS:
+        said.append("Stiffness: also its median over the laws, and the band of 5 to 95 % of them.")
+    if "v" in laws:
+        said.append(
+            "The equilibrium takes the loading stiffness, the modes the vibration stiffness: with a"
+            " hardness that of elastic unloading, without one the mean loading stiffness over a"
+            " third of a decade of pressure."
+        )
+    return " ".join([*said, *_support(laws)])
+
+
+def _support(laws: Arrays) -> list[str]:
+    """Pixels that carry the laws at the middle pressure, and their band over scans."""
+    found = settings_of(laws).get("support")
+    if not found:
+        return []
+    i = len(found["pressure"]) // 2
+    k, v, one = (
+        " to ".join(f"{found[n][j][i] / 1e9:.3g}" for j in (0, 2)) for n in ("k", "v", "v_patch")
+    )
+    return [
+        f"At {found['pressure'][i] / 1e6:.2g} MPa {found['scan_pixels'][i]:.0f} pixels of the scan"
+        f" and {found['grid_pixels'][i]:.0f} of a patch carry the load. The laws of 90 % of other"
+        f" scans of the same surface would have a mean loading stiffness of {k} and a mean"
+        f" vibration stiffness of {v} N/mm³, a single patch of them {one} N/mm³ (parametric"
+        " bootstrap; law_support.csv)."
+    ]
+
+
+def settings_of(laws: Arrays) -> dict[str, Any]:
+    """How a library was made."""
+    settings = json.loads(str(laws["settings"])) if "settings" in laws else {}
+    return settings if isinstance(settings, dict) else {}
+
+
+def _modulus(laws: Arrays) -> float | None:
+    """E* [Pa] of a library, if it says so."""
+    if "E_star" in laws:
+        return float(laws["E_star"])
+    settings = settings_of(laws)
+    return float(settings["E_star"]) if "E_star" in settings else None
+
+
+def _draw_map(axes: Axes, maps: Arrays, j: int, limits: tuple[float, float]) -> Any:
+    import matplotlib
+    from matplotlib.colors import LinearSegmentedColormap, LogNorm
+
+    ramp = matplotlib.colormaps["inferno_r"](np.linspace(0.3, 1.0, 256))
+    colours = LinearSegmentedColormap.from_list("contact", ramp)
+    colours.set_bad("white")
+    p = maps["pressures"][j] / 1e6
+    size = maps["size"] * 1e3
+    image = axes.imshow(
+        np.where(p > 0, p, np.nan).T,
+        origin="lower",
+        extent=(0, float(size[0]), 0, float(size[1])),
+        cmap=colours,
+        norm=LogNorm(*limits),
+        interpolation="nearest",
+    )
+    touching = int(np.count_nonzero(p > 0))
+    area = float(maps["area_fraction"][j])
+    load = f"$p/E^*$ = {_power(float(maps['p_over_E'][j]))}"
+    points = f" ({touching} points)" if touching < FEW_POINTS else ""
+    axes.set_title(f"{load}\nreal contact {100 * area:.2g} %{points}", fontsize=8.5)
+    if touching < FEW_POINTS:
+        _circle(axes, p > 0, size)
+    axes.spines[["top", "right"]].set_visible(True)
+    return image
+
+
+def _circle(axes: Axes, touching: NDArray, size: NDArray) -> None:
+    """Ring each group of touching points, which alone would be lost in print."""
+    from scipy.ndimage import binary_dilation, center_of_mass, label
+
+    groups, n = label(binary_dilation(touching, iterations=max(1, len(touching) // 64)))
+    if n:
+        centres = np.array(center_of_mass(touching, groups, range(1, n + 1)))
+        x, y = ((centres + 0.5) * size / touching.shape).T
+        axes.scatter(x, y, s=90, facecolors="none", edgecolors=BLUE, linewidths=0.8)
+
+
+def _power(value: float) -> str:
+    """A number as text with its power of ten, for mathtext."""
+    if value <= 0:
+        return "0"
+    exponent = int(np.floor(np.log10(value) + 1e-9))
+    factor = value / 10.0**exponent
+    power = f"10^{{{exponent}}}"
+    return f"${power}$" if f"{factor:.1f}" == "1.0" else f"${factor:.1f}\\cdot {power}$"
+
+
+def _limits(positive: NDArray) -> tuple[float, float]:
+    """Colour limits [MPa] from the pressures of the touching points, without the tails."""
+    if positive.size == 0:
+        return 0.1, 1.0
+    low, high = np.quantile(positive, [0.05, 0.999])
+    return float(low), float(max(high, 1.5 * low))
+
+
+def _draw_bundle(
+    axes: Axes, x: NDArray, y: NDArray, median: bool = True, faint: float = 1.0
+) -> None:
+    """All laws as thin lines, and in bold the median separation at each pressure."""
+    from matplotlib.collections import LineCollection
+
+    y = np.where(y > 0, y, np.nan)
+    alpha = faint * float(np.clip(12 / len(x), 0.15, 0.8))
+    lines = LineCollection(
+        [np.column_stack(pair) for pair in zip(x, y, strict=True)],
+        colors=BLUE,
+        linewidths=0.7,
+        alpha=alpha,
+        label="each law",
+    )
+    axes.add_collection(lines)
+    axes.autoscale_view()
+    if median and len(x) > 2:
+        rows, at = _at_common_pressures(x, y)
+        axes.plot(np.median(rows, axis=0), at, color=BLACK, lw=1.6, label="median separation")
+
+
+def _draw_stiffness(axes: Axes, p: NDArray, k: NDArray, v: NDArray | None) -> None:
+    """Stiffness of each law, and median and band over the laws."""
+    faint = 0.4 if len(p) >= FEW_LAWS else 1.0  # below the band
+    _draw_bundle(axes, p, k, median=False, faint=faint)
+    if v is not None:
+        for law_p, law_v in zip(p, v, strict=True):
+            axes.plot(law_p, law_v, color=ORANGE, lw=0.5, alpha=0.4 * faint)
+        axes.plot([], [], color=BLUE, label="of loading")
+        axes.plot([], [], color=ORANGE, label="of small vibrations")
+    if len(p) >= FEW_LAWS:
+        for values, colour, text in (
+            (k, BLUE, "median, 5 to 95 %"),
+            *(((v, ORANGE, None),) if v is not None else ()),
+        ):
+            rows, at = _at_common_pressures(values, p)
+            low, middle, high = np.quantile(rows, [0.05, 0.5, 0.95], axis=0)
+            axes.fill_between(at, low, high, color=colour, alpha=0.35, lw=0, zorder=2.5)
+            axes.plot(at, middle, color=BLACK, lw=1.6, label=text, zorder=3)
+    axes.set(xscale="log", yscale="log")
+    axes.set(xlabel="mean pressure $p$ [MPa]", ylabel="stiffness $-p'(d)$ [N/mm$^3$]")
+    panel(axes, "c", "stiffness")
+
+
+def _at_common_pressures(values: NDArray, p: NDArray) -> tuple[NDArray, NDArray]:
+    """A quantity of each law at pressures that all laws reach, and these pressures."""
+    known = [np.isfinite(row) for row in p]
+    low = max(row[k].min() for row, k in zip(p, known, strict=True))
+    high = min(row[k].max() for row, k in zip(p, known, strict=True))
+    at = np.geomspace(low, max(high, low), 200)
+    rows = []
+    for own, own_p, k in zip(values, p, known, strict=True):
+        order = np.argsort(own_p[k])
+        rows.append(np.interp(np.log(at), np.log(own_p[k][order]), own[k][order]))
+    return np.array(rows), at
+
+
+def _mark_braking(axes: Axes, run: RunData) -> None:
+    """Shade the pressures that the closed contact elements of the run really see."""
+    if (found := _braking(run)) is not None:
+        axes.axvspan(
+            *found, color=ORANGE, alpha=0.18, lw=0, label="5 to 95 % of the\nbrake's patches"
+        )
+
+
+def _braking(run: RunData) -> tuple[float, float] | None:
+    """Range of the pressures on closed contact elements with a law [MPa], if there is a brake."""
+    if run.contact is None:
+        return None
+    closed = run.contact["p"][(run.contact["p"] > 0) & (run.contact["law"] >= 0)]
+    if closed.size < 2:
+        return None
+    low, high = np.quantile(closed, [0.05, 0.95]) / 1e6
+    return float(low), float(high)
 
 
 def draw_contact_pressure(run: RunData) -> Figure | None:

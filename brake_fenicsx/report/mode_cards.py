@@ -7,20 +7,35 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from brake_fenicsx.extras.limit_cycle.cycle_figures import loudness_text
-from brake_fenicsx.results.run import RunData
+import numpy as np
+
+from brake_fenicsx.extensions import load, shown
+from brake_fenicsx.results.run import RunData, read_tables
 from brake_fenicsx.results.squeal import Family
-from brake_fenicsx.results.tables import Value, read_rows
+from brake_fenicsx.results.tables import Row, Value
 
 from .overview import share_text
 
-SHAPES = "mode_shapes.csv"  # in figures/: what the pictures of modes show
-SHAPE_COLUMNS = (
-    "approach", "family", "sample", "mode", "frequency_hz", "damping", "picture", "rotor",
-    "nodal_diameters", "direction", "nodal_share",
-)  # fmt: skip
+SHAPES = "mode_shapes.npz"  # what the pictures of modes show
 CLEAR = 0.5  # share of a harmonic above which a mode is named by it alone
 LEAST = 0.1  # shares of the kinetic energy that are named
+
+
+@dataclass(frozen=True, slots=True)
+class ModeShape(Row):
+    """A row of mode_shapes.csv: what the picture of a mode shows."""
+
+    approach: str
+    family: int
+    sample: int
+    mode: int
+    frequency_hz: float
+    damping: float
+    picture: str
+    rotor: str | None
+    nodal_diameters: int | None
+    direction: str | None
+    nodal_share: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +71,9 @@ class ModePictures:
         folder = run.directory / "figures"
         self.paths = {p.stem: p for p in sorted(folder.glob("mode_*.png"))}
         self.paths |= {p.stem: p for p in sorted(folder.glob("mode_*.webp"))}
-        table = folder / SHAPES
-        rows = read_rows(table) if table.is_file() else []
-        self._facts = {str(row["picture"]): row for row in rows if row["picture"] in self.paths}
+        table = read_tables(run.directory / SHAPES).get("shapes", {})
+        every = (dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True))
+        self._facts = {str(row["picture"]): row for row in every if row["picture"] in self.paths}
         self._family: dict[tuple[str, int], str] = {}
         self.by_mode: dict[tuple[str, int, int], str] = {}
         for approach in run.approaches:
@@ -82,9 +97,9 @@ class ModePictures:
             Name of the rotor, a short text and a long one.
         """
         row = self._facts.get(key)
-        if row is None or row["nodal_diameters"] is None:
+        if row is None or not np.isfinite(row["nodal_diameters"]):
             return None
-        number, share = int(row["nodal_diameters"]), float(row["nodal_share"] or 0)
+        number, share = int(row["nodal_diameters"]), float(row["nodal_share"])
         said = f"{number or 'no'} nodal diameter{'' if number == 1 else 's'}, {row['direction']}"
         percent = f"({100 * share:.0f} % of the rim's motion)"
         if share < CLEAR:
@@ -112,8 +127,9 @@ def family_card(run: RunData, family: Family, pictures: ModePictures, rank: int 
         facts.append(("samples", often_text(family)))
     if parts := _parts_text(run, family):
         facts.append(("moving parts", parts))
-    if loud := loudness_text(run, family.approach, family.key):
-        facts.append(("how growth ends", loud))
+    more = {fact: text for extra in shown(run) for fact, text in extra.cards.items()}
+    told = {fact: load(text)(run, family.approach, family.key) for fact, text in more.items()}
+    facts += [(fact, text) for fact, text in told.items() if text]
     if (pattern := pictures.pattern(key)) is not None:
         facts.append((pattern[0], pattern[2]))
     return Card(
@@ -159,7 +175,7 @@ def often_text(family: Family) -> str:
     """In how many samples a family squeals, with the interval of the share."""
     share = family.share
     often = f"{share.hits} of {share.n}"
-    return f"{often}: {share_text(share.cells)}" if share.n > 1 else often
+    return f"{often}: {share_text(*share.cells)}" if share.n > 1 else often
 
 
 def _damping_text(family: Family) -> str:

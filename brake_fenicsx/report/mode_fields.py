@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from brake_fenicsx.folder.extras import spared
 from brake_fenicsx.folder.processes import in_turns, meanwhile, on_first
 from brake_fenicsx.folder.sample_files import Task
-from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.run import RunData, read_run, save_tables
 from brake_fenicsx.results.squeal import ModeKey
-from brake_fenicsx.results.tables import Value, read_columns, write_rows
+from brake_fenicsx.results.tables import RowTable
 from brake_fenicsx.scene.friction import slides
 from brake_fenicsx.scene.in_effect import in_effect
 
-from .mode_cards import SHAPE_COLUMNS, SHAPES
+from .mode_cards import SHAPES, ModeShape
 
 if TYPE_CHECKING:
     from brake_fenicsx.samples.study import Study
@@ -131,7 +131,7 @@ def write_mode_fields(
     found, missing = spared("shapes of modes", lambda: displacements(study.models, modes, comm, 1))
     written()
     lost = comm.bcast(lost, root=0) + missing
-    shapes, rows = iter(found or ()), list[list[Value]]()
+    shapes, rows = iter(found or ()), list[ModeShape]()
     for chosen in drawn if found is not None else ():
         own = [next(shapes) for _ in chosen]
         rows += _write_modes(study, run, chosen, [u[:, 0] for u, _ in own], pictures, lost)
@@ -142,7 +142,9 @@ def write_mode_fields(
             if not error[0] <= EXACT
         ]
     if comm.rank == 0:
-        write_rows(store.path("figures", SHAPES), SHAPE_COLUMNS, rows)
+        table = RowTable.of(ModeShape, rows)
+        table.write(store.path("figures", "mode_shapes.csv"))
+        save_tables(store, SHAPES, {"shapes": table.columns})
     return lost
 
 
@@ -212,16 +214,14 @@ def _write_equilibrium(
 
 def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
     """What is known of the study, and the modes drawn of each approach that squeals; collective."""
-    folder = study.store.directory
-    about = RunData(folder, summary={"in_effect": in_effect(study.scene)})
+    folder, settings = study.store.directory, {"in_effect": in_effect(study.scene)}
 
     def severe() -> list[list[ModeKey]]:
-        modes = read_columns(folder / "modes.csv") if "stability" in study.scene.stages else None
-        run = replace(about, modes=modes, samples=read_columns(folder / "samples.csv"))
+        run = read_run(folder, settings)
         keys = (run.squeal.representatives(name, MOST) for name in run.approaches)
         return [chosen for chosen in keys if chosen]
 
-    return about, on_first(severe, study.comm)
+    return RunData(folder, summary=settings), on_first(severe, study.comm)
 
 
 def _write_modes(
@@ -231,7 +231,7 @@ def _write_modes(
     shapes: list[NDArray[np.complex128]],
     pictures: bool,
     lost: list[str],
-) -> list[list[Value]]:
+) -> list[ModeShape]:
     """Real and imaginary part of some modes of an approach, one period of each, and its pictures.
 
     The processes take the modes in turns.
@@ -245,10 +245,9 @@ def _write_modes(
         lost: what fails is added, a line each.
 
     Returns:
-        Rows of `SHAPE_COLUMNS`.
+        What the pictures show.
     """
-    from brake_fenicsx.report.animation import animate_mode
-    from brake_fenicsx.report.render import render_mode
+    from brake_fenicsx.report.render import animate_mode, render_mode
     from brake_fenicsx.report.style import label
 
     from .fields import write_fields, write_phases
@@ -256,7 +255,7 @@ def _write_modes(
     store, name, V = study.store, chosen[0].approach, study.brake.elastic.free.V
     rotors = _rotors(study)
 
-    def draw(i: int) -> tuple[str, NDArray[np.complex128], list[Value]]:
+    def draw(i: int) -> tuple[str, NDArray[np.complex128], ModeShape]:
         mode = chosen[i]
         hertz, share = mode.name, mode.family.share
         shape = study.brake.elastic.free.expand(shapes[i])
@@ -270,13 +269,19 @@ def _write_modes(
         if pictures:
             render_mode(store.path("figures", f"{picture}.png"), V, shape, title)
             animate_mode(store.path("figures", f"{picture}.webp"), V, shape)
-        row: list[Value] = [
-            name, mode.family.number, mode.sample, mode.mode, mode.frequency, mode.damping,
-            picture, *_nodal_cells(rotors, V, shape),
-        ]  # fmt: skip
+        row = ModeShape.of(
+            name,
+            mode.family.number,
+            mode.sample,
+            mode.mode,
+            mode.frequency,
+            mode.damping,
+            picture,
+            *_nodal_cells(rotors, V, shape),
+        )
         return f"mode_{hertz}", shape, row
 
-    def attempt(i: int) -> tuple[tuple[str, NDArray[np.complex128], list[Value]] | None, list[str]]:
+    def attempt(i: int) -> tuple[tuple[str, NDArray[np.complex128], ModeShape] | None, list[str]]:
         return spared(f"picture of the mode at {chosen[i].frequency:.0f} Hz", lambda: draw(i))
 
     done = []
@@ -302,11 +307,13 @@ def _rotors(study: Study) -> dict[str, NDArray[np.intp]]:
     return found
 
 
-def _nodal_cells(rotors: Mapping[str, NDArray], V: Any, shape: NDArray) -> list[Value]:
+def _nodal_cells(
+    rotors: Mapping[str, NDArray], V: Any, shape: NDArray
+) -> tuple[str | None, int | None, str | None, float | None]:
     """The rotor that is a closed ring, and the strongest harmonic of its rim."""
     points, u = V.tabulate_dof_coordinates(), shape.reshape(-1, V.dofmap.index_map_bs)
     for name, nodes in rotors.items():
         pattern = nodal_pattern(points[nodes], u[nodes])
         if pattern is not None:
-            return [name, pattern.diameters, pattern.direction, pattern.share]
-    return [None, None, None, None]
+            return name, pattern.diameters, pattern.direction, pattern.share
+    return None, None, None, None

@@ -2,59 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from brake_fenicsx.results.answer import approach_rows
 from brake_fenicsx.results.limits import limit_rows
 from brake_fenicsx.results.run import RunData, read_run
 from brake_fenicsx.results.squeal import kilohertz
-from brake_fenicsx.results.tables import Value, read_columns, read_rows, text_table
-
-CAUSE_COLUMNS = (
-    "probability", "low", "high", "median_damping", "above_limit", "dominant_input", "correlation",
-    "correlation_low", "correlation_high",
-)  # fmt: skip
+from brake_fenicsx.results.tables import Value, text_table
 
 
-def cause_rows(run: RunData, most: int = 12) -> list[list[Value]]:
-    """What probabilities.csv says of the whole band and of the families, the most severe first.
+def cause_rows(run: RunData, most: int = 12) -> list[tuple[str, str, dict[str, Any]]]:
+    """What is known of the squeal of the whole band and of the families, the most severe first.
 
     Args:
         run: the results.
         most: rows of each approach.
 
     Returns:
-        Approach, where, probability with its interval, median damping of the samples that squeal,
-        whether the probability is above the limit, the input that moves it most, its rank
-        correlation with interval, shares of the variance of growth by friction, materials, loads
-        and the rest.
-
-    Raises:
-        SceneError: a column is missing.
+        Approach, where, and a row of probabilities.csv by its names; nan of an empty cell.
     """
-    path = run.directory / "probabilities.csv"
-    if not path.is_file():
+    table = run.causes.get("probabilities")
+    if table is None:
         return []
-    read_columns(path, (*CAUSE_COLUMNS, "squeal_samples", "severity"))
-    found = [row for row in read_rows(path) if row["scope"] in ("band", "family")]
-    rows: list[list[Value]] = []
+    every = [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
+    rows: list[tuple[str, str, dict[str, Any]]] = []
     for approach in run.approaches:
-        own = [row for row in found if row["approach"] == approach]
+        own = [row for row in every if row["approach"] == approach]
         whole = [row for row in own if row["scope"] == "band"][:1]
         families = [row for row in own if row["scope"] == "family" and row["squeal_samples"]]
-        families.sort(key=lambda row: -_number(row["severity"]))
-        texts = kilohertz([_number(row["frequency_hz"]) for row in families])
+        families.sort(key=lambda row: -row["severity"])
+        texts = kilohertz([row["frequency_hz"] for row in families])
         names = ["whole band" for _ in whole]
         names += [f"{f} kHz, family {row['where']}" for f, row in zip(texts, families, strict=True)]
-        for row, where in list(zip([*whole, *families], names, strict=True))[:most]:
-            chosen = (*CAUSE_COLUMNS, *(name for name in row if name.startswith("share_")))
-            rows.append([approach, where, *(row[name] for name in chosen)])
+        pairs = zip(names, [*whole, *families], strict=True)
+        rows += [(approach, where, row) for where, row in pairs][:most]
     return rows
-
-
-def _number(value: Value) -> float:
-    return float(value) if isinstance(value, int | float) else 0.0
 
 
 def summary_table(run: RunData | str | Path) -> str:
@@ -73,11 +59,17 @@ def summary_table(run: RunData | str | Path) -> str:
         "approach", "samples", "failed", "modes", "unstable", "neutral", "squeal modes",
         "squeal samples", "share", "most severe (squeal samples, median damping)",
     )  # fmt: skip
-    rows = [
-        [run.label(str(row[0])), *row[1:6], *row[7:9], share_text(row[9:12]), row[12]]
-        for row in approach_rows(run)
-    ]
-    limits = [[run.label(str(r[0])), *r[1:6], share_text(r[6:])] for r in limit_rows(run)]
+    rows: list[list[Value]] = [
+        [run.label(r.approach), r.samples, r.failed, r.modes, r.unstable_modes, r.neutral_modes,
+         r.squeal_modes, r.squeal_samples, share_text(r.share, r.share_low, r.share_high),
+         r.most_severe]
+        for r in approach_rows(run)
+    ]  # fmt: skip
+    limits: list[list[Value]] = [
+        [run.label(r.approach), r.limit, r.damping_below, r.squeal_modes, r.squeal_samples,
+         r.samples, share_text(r.share, r.share_low, r.share_high)]
+        for r in limit_rows(run)
+    ]  # fmt: skip
     names = "approach", "limit", "damping below", "squeal modes", "squeal samples", "samples"
     more = f"\n\n{text_table((*names, 'share'), limits)}" if limits else ""
     return f"{said}\n{text_table(heads, rows)}{more}"
@@ -108,9 +100,7 @@ def open_points(run: RunData) -> str:
     return "; ".join(found) + " (samples.csv)" if found else ""
 
 
-def share_text(interval: Sequence[Value]) -> str:
+def share_text(*interval: Value) -> str:
     """A share with its interval in per cent, or a dash where there is none."""
-    numbers = [float(v) for v in interval if isinstance(v, float)]
-    if len(numbers) < 3:
-        return "-"
-    return f"{100 * numbers[0]:.0f} % ({100 * numbers[1]:.0f} to {100 * numbers[2]:.0f} %)"
+    known = [100 * v for v in interval if isinstance(v, float) and np.isfinite(v)]
+    return "{:.0f} % ({:.0f} to {:.0f} %)".format(*known) if len(known) == 3 else "-"

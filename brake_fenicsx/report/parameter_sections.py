@@ -1,8 +1,9 @@
-"""Sections of the page on parameters: branches of a sweep, and random inputs."""
+"""Sections of the page on parameters, random inputs and forces on the pads."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.tables import Value
 
 from .blocks import Block, Table, Text
-from .figure_blocks import figures
+from .figures import figures
 from .overview import cause_rows, share_text
 
 FAMILIES = 8  # rows of the tables of families, at least 2 of each approach
@@ -53,10 +54,12 @@ def input_blocks(run: RunData) -> list[Block]:
     """Which inputs move the growth rate, and the probabilities of the most severe families."""
     rows: list[list[Value]] = [
         [
-            run.label(str(row[0])), row[1], share_text(row[2:5]), *row[5:7], row[7] or None,
-            interval_text(row[8:11]), *(percent(v) for v in row[11:]),
+            run.label(approach), where, share_text(row["probability"], row["low"], row["high"]),
+            _number(row["median_damping"]), row["above_limit"], row["dominant_input"] or None,
+            interval_text(*(row[f"correlation{end}"] for end in ("", "_low", "_high"))),
+            *(percent(value) for name, value in row.items() if name.startswith("share_")),
         ]
-        for row in cause_rows(run, rows_of_each(run))
+        for approach, where, row in cause_rows(run, rows_of_each(run))
     ]  # fmt: skip
     heads = [
         "approach", "where", f"probability of squeal ({run.criterion})", "median damping [-]",
@@ -93,12 +96,70 @@ def _censored(value: float) -> str:
     return f"{value:.4g}" if np.isfinite(value) else "-"
 
 
-def interval_text(values: Sequence[Value]) -> str | None:
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def interval_text(*values: float) -> str | None:
     """A number with its interval; None without."""
-    numbers = [float(v) for v in values if isinstance(v, float)]
-    return "{:.2f} ({:.2f} to {:.2f})".format(*numbers) if len(numbers) == 3 else None
+    return "{:.2f} ({:.2f} to {:.2f})".format(*values) if np.all(np.isfinite(values)) else None
 
 
-def percent(value: Value) -> str | None:
+def percent(value: float) -> str | None:
     """A share in per cent, without "-0 %"."""
-    return f"{round(100 * value) + 0} %" if isinstance(value, float) else None
+    return f"{round(100 * value) + 0} %" if np.isfinite(value) else None
+
+
+ROUND_OFF = 1e-6  # relative scatter that is none
+FORCES = ("normal_N", "friction_N", "torque_N_m", "effective_radius_mm")
+
+
+def forces_blocks(run: RunData) -> list[Block]:
+    """Forces of the braking equilibrium on each pad, means over the samples of an approach."""
+    found = run.summary.get("contact_forces")
+    if not isinstance(found, Mapping):
+        return []
+    rows = []
+    for approach, pads in found.items():
+        for name, pad in pads.items():
+            closed = 100 * pad["contact_area_mm2"] / pad["face_area_mm2"]
+            lead = pad["leading_half_share"]
+            rows.append(
+                [
+                    run.label(approach), name,
+                    *(_with_std(pad, key) for key in FORCES),
+                    f"{closed:.1f} %", _with_std(pad, "largest_pressure_MPa"),
+                    _with_std(pad, "centre_towards_leading_edge_mm"),
+                    "-" if lead is None else f"{100 * lead:.1f} %",
+                ]
+            )  # fmt: skip
+    if not rows:
+        return []
+    heads = [
+        "approach", "pad", "normal force [N]", "friction force [N]", "brake torque [N m]",
+        "effective radius [mm]", "face in contact", "largest pressure [MPa]",
+        "centre of pressure towards the leading edge [mm]", "force on the leading half",
+    ]  # fmt: skip
+    turns = any(pad.get("torque_N_m") for pads in found.values() for pad in pads.values())
+    less = (
+        " Friction force: its resultant, which is less than the friction coefficient times the"
+        " normal force, because the direction of friction turns along the pad."
+    )
+    return [
+        Table(heads, rows),
+        Text(
+            "Means over the samples, with their standard deviation. The disc enters the pad"
+            f" at the leading edge.{less if turns else ''} Torque: torque of this pad against the"
+            " rotation; effective radius: torque over friction coefficient times normal force."
+        ),
+    ]
+
+
+def _with_std(numbers: Mapping[str, Any], name: str) -> str:
+    """A mean with its standard deviation, where the scene has the one and samples the other."""
+    value, spread = numbers.get(name), numbers.get(f"{name}_std")
+    if value is None:
+        return "-"
+    if spread is None or spread < ROUND_OFF * abs(value):
+        return f"{value:.4g}"
+    return f"{value:.4g} +- {spread:.2g}"

@@ -1,22 +1,31 @@
-"""Sections of the page before its appendix, for who decides on the brake."""
+"""Sections of the page: those for who decides on the brake, and the appendix for specialists."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
-from brake_fenicsx.extras.limit_cycle.cycle_figures import cycle_blocks
+from brake_fenicsx.extensions import load, shown
+from brake_fenicsx.results.accuracy import ErrorRow, SpeedRow, error_rows, speed_rows, stage_rows
 from brake_fenicsx.results.answer import approach_rows
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
-from brake_fenicsx.results.tables import Value
+from brake_fenicsx.results.tables import Row, RowTable, Value
 
-from .blocks import Block, Section, Special, Table, Text
-from .figure_blocks import figures
-from .forces_section import forces_blocks
-from .mode_cards import Card, ModePictures, family_card, family_table_cells, often_text, other_cards
+from .blocks import Block, Heading, Picture, Preformatted, Section, Special, Table, Text, pairs
+from .figures import figures
+from .mode_cards import (
+    Card,
+    ModePictures,
+    family_card,
+    family_table_cells,
+    heading_of,
+    often_text,
+    other_cards,
+)
 from .overview import share_text
-from .parameter_sections import input_blocks, rows_of_each, sweep_blocks
+from .parameter_sections import forces_blocks, input_blocks, rows_of_each, sweep_blocks
 from .squeal_map import squeal_map
+from .surface_section import law_blocks, of_surface, surface_blocks
 
 CARDS = 6  # mode shapes before the appendix, beside those of the first screen
 
@@ -45,15 +54,26 @@ def main_sections(
         ]),
         Section("sweep", "Lock-in over the parameter", sweep_blocks(run)),
         Section("inputs", "Which inputs cause it", input_blocks(run)),
-        Section("loudness", "How loud", [
-            *cycle_blocks(run), *figures(run, "limit_cycle_growth", "limit_cycle_loudness"),
-        ]),
+        *(
+            Section(extra.page[0], extra.page[1], [
+                *load(extra.page[2])(run), *figures(run, *extra.figures),
+            ])
+            for extra in shown(run) if extra.page[0]
+        ),
+        Section("own", "Own figures", _own(run)),
         Section("drivers", "What drives a mode", figures(run, "drivers", look="tall")),
         Section("pressure", "Contact pressure and forces", [
             *figures(run, "contact_pressure", look="tall"), *forces_blocks(run),
         ]),
     ]  # fmt: skip
     return [section for section in sections if section.blocks]
+
+
+def _own(run: RunData) -> list[Block]:
+    """Figures of the scene's section [extensions]."""
+    names = run.summary.get("settings", {}).get("extensions", {}).get("figures", {})
+    paths = {name: run.directory / "figures" / f"own_{name}.png" for name in names}
+    return [Picture(path, name) for name, path in paths.items() if path.is_file()]
 
 
 def _squeal(
@@ -86,10 +106,11 @@ def _approaches(run: RunData) -> Table:
         "approach", "samples", "failed", "modes", "unstable modes", "neutral modes",
         f"squeal modes ({run.criterion})", "squeal samples", "share of squeal samples",
     ]  # fmt: skip
-    rows = [
-        [run.label(str(row[0])), *row[1:6], *row[7:9], share_text(row[9:12])]
-        for row in approach_rows(run)
-    ]
+    rows: list[list[Value]] = [
+        [run.label(r.approach), r.samples, r.failed, r.modes, r.unstable_modes, r.neutral_modes,
+         r.squeal_modes, r.squeal_samples, share_text(r.share, r.share_low, r.share_high)]
+        for r in approach_rows(run)
+    ]  # fmt: skip
     return Table(heads, rows)
 
 
@@ -123,10 +144,7 @@ def _families(
 
 
 def more_cards(
-    run: RunData,
-    families: Mapping[str, list[Family]],
-    pictures: ModePictures,
-    shown: set[str],
+    run: RunData, families: Mapping[str, list[Family]], pictures: ModePictures, shown: set[str]
 ) -> list[Card]:
     """Cards of all pictures that the first screen does not show, the most severe families first.
 
@@ -170,4 +188,87 @@ def _shapes(
     calm = [run.label(name) for name, found in families.items() if not found]
     if calm and pictures.paths:
         blocks.append(Text(f"No mode of any sample squeals: {', '.join(calm)}."))
+    return blocks
+
+
+SPEED_HEADS = {
+    "seconds_per_equilibrium": "equilibrium [s per sample]",
+    "seconds_per_stability": "modes [s per sample]",
+}
+SHOWN = {  # of the summary, elsewhere on the page
+    "settings", "in_effect", "versions", "seeds", "seconds", "peak_memory_mb", "process_memory_mb",
+    "name", "warnings", "friction", "contact_forces", "finished", "scene_sha256",
+}  # fmt: skip
+
+
+def appendix_sections(run: RunData, cards: Sequence[Card] = ()) -> list[Section]:
+    """Sections for specialists; those without content are left out.
+
+    Args:
+        run: the results; pictures are read from its ``figures`` folder.
+        cards: mode shapes that are not shown before the appendix.
+    """
+    meshes = sorted((run.directory / "figures").glob("mesh*.png"))
+    own = [] if of_surface(run) else [
+        Section("laws", "Contact laws", law_blocks(run)),
+        Section("surface", "Surface", surface_blocks(run)),
+    ]  # fmt: skip
+    sections = [
+        Section("more-shapes", "Mode shapes of less severe families", [
+            *([Special("shapes", cards)] if cards else []),
+        ]),
+        Section("driver-maps", "Drivers over the pads", figures(run, "driver_maps")),
+        *own,
+        Section("samples", "Families and convergence over the samples",
+                figures(run, "squeal_families", "convergence")),
+        Section("mesh", "Mesh", [Picture(path, heading_of(path)) for path in meshes]),
+        Section("accuracy", "Accuracy and computing time", _accuracy(run)),
+        Section("settings", "Settings, seeds and versions", _settings(run)),
+    ]  # fmt: skip
+    return [section for section in sections if section.blocks]
+
+
+def _accuracy(run: RunData) -> list[Block]:
+    blocks: list[Block] = []
+    if stages := stage_rows(run.summary):
+        rows: list[list[Value]] = [[r.stage, r.seconds, r.peak_memory_mb] for r in stages]
+        rows.append(["sum", sum(r.seconds for r in stages if r.seconds is not None), None])
+        blocks.append(Table(["stage", "time [s]", "peak memory [MB]"], rows))
+        blocks.append(Text(
+            "Times of the last run only; stages reused from earlier runs count as zero. Times per"
+            " sample are medians over all samples."
+        ))  # fmt: skip
+    if speed := speed_rows(run):
+        blocks.append(_table(run, SpeedRow, speed))
+    if errors := error_rows(run):
+        blocks.append(_table(run, ErrorRow, errors))
+        blocks.append(Text(
+            "Errors are relative error estimates of the eigenvalues; the condition number of an"
+            " eigenvalue relates them to the backward error: error = backward error x condition."
+        ))  # fmt: skip
+    rest = {key: value for key, value in run.summary.items() if key not in SHOWN}
+    facts: list[Block] = [pairs("quantity", rest, digits=6)] if rest else []
+    return [*blocks, *figures(run, "eigenvalue_errors"), *facts]
+
+
+def _table(run: RunData, kind: type[Row], rows: Sequence[Row]) -> Table:
+    """Rows by approach, under the names of their columns."""
+    heads = [SPEED_HEADS.get(name, name.replace("_", " ")) for name in kind.names()]
+    cells = RowTable.of(kind, rows).cells
+    return Table(heads, [[run.label(str(row[0])), *row[1:]] for row in cells])
+
+
+def _settings(run: RunData) -> list[Block]:
+    """Settings once: those in effect, or as the scene writes them where no others are known."""
+    blocks: list[Block] = []
+    if isinstance(run.summary.get("in_effect"), Mapping):
+        blocks += [
+            Text("All settings in SI units, with defaults and changes by --set."),
+            pairs("setting", run.summary["in_effect"]),
+        ]
+    elif run.scene is not None:
+        blocks.append(Preformatted(run.scene))
+    for key in ("seeds", "versions"):
+        if isinstance(run.summary.get(key), Mapping):
+            blocks += [Heading(key.capitalize()), pairs(key.rstrip("s"), run.summary[key])]
     return blocks

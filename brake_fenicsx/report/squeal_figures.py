@@ -10,17 +10,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import squeals
 
-from .style import (
-    BLACK,
-    BLUE,
-    CYCLE,
-    DAMPING_LABEL,
-    GREY,
-    MARKERS,
-    VERMILION,
-    label,
-    new_figure,
-)
+from .style import BLACK, BLUE, CYCLE, DAMPING_LABEL, GREY, MARKERS, VERMILION, label, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -56,15 +56,15 @@ def squeal_map(
     partner = modes["partner"][chosen] if "partner" in modes else np.full(chosen.size, np.nan)
     data = {
         "names": [run.label(name) for name in names],
-        "a": number[chosen].tolist(),
-        "s": modes["sample"][chosen].tolist(),
-        "m": modes["mode"][chosen].tolist(),
-        "f": _rounded(modes["frequency_hz"][chosen], 7),
-        "d": _rounded(modes["damping"][chosen], 4),
-        "e": _rounded(own_errors, 2),
-        "v": verdict.tolist(),
-        "g": modes["family"][chosen].astype(int).tolist(),
-        "p": np.where(np.isnan(partner.astype(float)), -1, partner).astype(int).tolist(),
+        "approach": number[chosen].tolist(),
+        "sample": modes["sample"][chosen].tolist(),
+        "mode": modes["mode"][chosen].tolist(),
+        "frequency": _rounded(modes["frequency_hz"][chosen], 7),
+        "damping": _rounded(modes["damping"][chosen], 4),
+        "error": _rounded(own_errors, 2),
+        "verdict": verdict.tolist(),
+        "family": modes["family"][chosen].astype(int).tolist(),
+        "partner": np.where(np.isnan(partner.astype(float)), -1, partner).astype(int).tolist(),
         "thinned": chosen.size < total,
         "families": {
             f"{names.index(name)}:{f.key}": {

@@ -14,8 +14,8 @@ from brake_fenicsx.results.run import Arrays, RunData
 from brake_fenicsx.results.tables import Value, write_rows
 
 from .blocks import Block, Section, Table, Text
-from .figure_blocks import figures
-from .micro_figures import settings_of
+from .contact_figures import settings_of
+from .figures import figures
 from .surface_figures import bearing_curves, surface_statistics
 from .verdict import Verdict, warnings_of
 

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
 
 from brake_fenicsx.results.limits import limit_rows
 from brake_fenicsx.results.run import RunData
@@ -15,7 +16,6 @@ from brake_fenicsx.results.statistics import wilson
 from brake_fenicsx.results.tables import Value
 
 from .blocks import Block, Table
-from .conditions import conditions, settings_in_effect
 from .figures import lost_figures
 from .mode_cards import Card, ModePictures, family_card
 from .overview import open_points, share_text
@@ -60,10 +60,7 @@ def _doublets(run: RunData, found: list[Family], chosen: list[Family]) -> list[s
 
 
 def _worse(
-    run: RunData,
-    families: Mapping[str, list[Family]],
-    lead: str,
-    chosen: list[Family],
+    run: RunData, families: Mapping[str, list[Family]], lead: str, chosen: list[Family]
 ) -> list[str]:
     """The mode of lowest damping of another approach, where no candidate has a lower one."""
     others = [f for name, found in families.items() if name != lead for f in found]
@@ -204,9 +201,12 @@ def _limits(run: RunData, c: ApproachCount) -> list[Block]:
     """What squeals at each limit of the damping."""
     what = "samples that squeal" if c.samples > 1 else "squeal modes"
     rows: list[list[Value]] = []
-    for _, name, limit, modes, hits, n, *share in limit_rows(run, [c.approach]):
-        counted = f"{hits} of {n}: {share_text(share)}" if c.samples > 1 else str(modes)
-        rows.append([name, f"{limit:g}", counted])
+    for r in limit_rows(run, [c.approach]):
+        share = share_text(r.share, r.share_low, r.share_high)
+        counted = f"{r.squeal_samples} of {r.samples}: {share}"
+        rows.append([
+            r.limit, f"{r.damping_below:g}", counted if c.samples > 1 else str(r.squeal_modes)
+        ])  # fmt: skip
     return [Table(["limit", "damping below", what], rows)] if rows else []
 
 
@@ -221,3 +221,99 @@ def _other(run: RunData, c: ApproachCount, found: list[Family]) -> str:
     if c.samples == 1:
         return f"{name}: {c.squeal} squeal mode{'' if c.squeal == 1 else 's'}, {most}."
     return f"{name}: {c.squeal_samples} of {c.samples} samples squeal, {most}."
+
+
+UNDAMPED = "none named"
+
+
+def conditions(run: RunData, lead: str) -> list[tuple[str, str]]:
+    """Under which conditions the brake was studied, name and value.
+
+    Args:
+        run: the results; its summary is read.
+        lead: approach whose forces are shown.
+    """
+    return [
+        (name, text)
+        for name, text in (
+            ("Friction coefficient", _friction(run)),
+            ("Load", _loads(run)),
+            ("Damping", UNDAMPED if run.damping == "" and run.modes is not None else run.damping),
+            ("Speed", _speed(run)),
+            *_forces(run, lead),
+            ("Samples", _samples(run)),
+            ("Squeal", _squeal(run)),
+        )
+        if text
+    ]
+
+
+def settings_in_effect(run: RunData, section: str) -> Mapping[str, Any]:
+    """Values of a section of the scene, defaults too; empty where there are none.
+
+    Args:
+        run: the results.
+        section: its name.
+    """
+    found = run.summary.get("in_effect", {}).get(section)
+    return found if isinstance(found, Mapping) else {}
+
+
+def _friction(run: RunData) -> str:
+    found = run.summary.get("friction")
+    if not isinstance(found, Mapping) or not found:
+        return ""
+    if len({*found.values()}) == 1:
+        return str(next(iter(found.values())))
+    return ", ".join(f"{run.label(name)} {text}" for name, text in found.items())
+
+
+def _loads(run: RunData) -> str:
+    said = []
+    for face, load in settings_in_effect(run, "loads").items():
+        if isinstance(load, Mapping):
+            if (p := load.get("pressure")) is not None:
+                said.append(f"{p / 1e6:.4g} MPa on {face}")
+            if (force := load.get("force")) is not None:
+                said.append(f"force ({', '.join(f'{x:.4g}' for x in force)}) N on {face}")
+            said += [f"{kind} on {face}" for kind in ("moment", "displacement") if kind in load]
+    return ", ".join(said)
+
+
+def _speed(run: RunData) -> str:
+    return str(settings_in_effect(run, "motion").get("speed") or "")
+
+
+def _forces(run: RunData, lead: str) -> list[tuple[str, str]]:
+    """Normal force of each pad and brake torque of all, means over the samples."""
+    found = run.summary.get("contact_forces")
+    pads = found.get(lead) if isinstance(found, Mapping) else None
+    if not isinstance(pads, Mapping) or not pads:
+        return []
+    normal = [f"{pad['normal_N']:.4g} N" for pad in pads.values()]
+    said = ", ".join(dict.fromkeys(normal))
+    if len(normal) > 1:
+        said += f" on each of {len(normal)} pads" if len({*normal}) == 1 else ""
+    facts = [("Normal force", said)]
+    torques = [pad.get("torque_N_m") for pad in pads.values()]
+    if all(isinstance(x, int | float) for x in torques):
+        facts.append(("Brake torque", f"{sum(torques):.4g} N m"))
+    return facts
+
+
+def _samples(run: RunData) -> str:
+    counts = [run.squeal.count(name) for name in run.approaches]
+    return ", ".join(
+        f"{run.label(c.approach)} {c.samples}" + (f" ({c.failed} failed)" if c.failed else "")
+        for c in counts
+    )
+
+
+def _squeal(run: RunData) -> str:
+    """What counts as squeal, and in which band."""
+    if run.modes is None:
+        return ""
+    band, where = settings_in_effect(run, "stability").get("band"), ""
+    if isinstance(band, list) and len(band) == 2:
+        where = f", {band[0] / 1e3:g} to {band[1] / 1e3:g} kHz"
+    return f"unstable mode with {run.criterion}{where}"

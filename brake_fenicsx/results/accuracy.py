@@ -3,53 +3,81 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .run import RunData
-from .tables import Columns, Value
+from .tables import Columns, Row
 
-ERROR_COLUMNS = (
-    "approach", "modes", "residual_median", "residual_max", "error_median", "error_95",
-    "error_max", "condition_max",
-)  # fmt: skip
-STAGE_COLUMNS = ("stage", "seconds", "peak_memory_mb")
-SPEED_COLUMNS = (
-    "approach", "samples", "seconds_per_equilibrium", "seconds_per_stability", "error_median",
-    "error_max", "counted_by",
-)  # fmt: skip
+if TYPE_CHECKING:
+    from .run import RunData
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorRow(Row):
+    """A row of eigenvalue_errors.csv: an approach, its modes, and figures over these."""
+
+    approach: str
+    modes: int
+    residual_median: float | None
+    residual_max: float | None
+    error_median: float | None
+    error_95: float | None
+    error_max: float | None
+    condition_max: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class StageRow(Row):
+    """A row of stages.csv: time [s] and peak memory [MB] of a stage."""
+
+    stage: str
+    seconds: float | None
+    peak_memory_mb: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedRow(Row):
+    """A row of speed_and_error.csv: cost of a sample of an approach, and errors of its modes."""
+
+    approach: str
+    samples: int | None
+    seconds_per_equilibrium: float | None
+    seconds_per_stability: float | None
+    error_median: float | None
+    error_max: float | None
+    counted_by: str | None
 
 
 PART = 2**18  # modes whose errors are computed together
 
 
-def error_rows(run: RunData) -> list[list[Value]]:
+def error_rows(run: RunData) -> list[ErrorRow]:
     """Residuals and relative error estimates of the eigenvalues, one row per approach.
 
     Args:
         run: the results.
 
     Returns:
-        Rows in the order of `ERROR_COLUMNS`; a figure that no mode has is None.
+        The rows; a figure that no mode has is None.
     """
-    if run.modes is None:
-        return []
-    rows: list[list[Value]] = []
+    rows, modes = list[ErrorRow](), run.modes
+    if modes is None:
+        return rows
     for approach in run.approaches:
-        mine = np.asarray(run.modes["approach"] == approach)
-        figures = [
-            *_quantiles(run.modes["residual"], mine, 0.5, 1.0),
+        mine = np.asarray(modes["approach"] == approach)
+        rows.append(ErrorRow.of(
+            approach, int(mine.sum()), *_quantiles(modes["residual"], mine, 0.5, 1.0),
             *_quantiles(run.errors, mine, 0.5, 0.95, 1.0),
-            *_quantiles(run.modes["condition"], mine, 1.0),
-        ]
-        rows.append([approach, int(mine.sum()), *figures])
+            *_quantiles(modes["condition"], mine, 1.0),
+        ))  # fmt: skip
     return rows
 
 
-def speed_rows(run: RunData) -> list[list[Value]]:
-    """What one sample cost and how exact it was, in the order of `SPEED_COLUMNS`.
+def speed_rows(run: RunData) -> list[SpeedRow]:
+    """What one sample cost and how exact it was.
 
     Args:
         run: the results; ``samples`` and ``verification`` of its summary are read.
@@ -61,23 +89,20 @@ def speed_rows(run: RunData) -> list[list[Value]]:
     samples = run.summary.get("samples")
     if not isinstance(samples, Mapping):
         return []
-    errors = {str(row[0]): row for row in error_rows(run)}
-    rows: list[list[Value]] = []
+    errors, rows = {row.approach: row for row in error_rows(run)}, list[SpeedRow]()
     for name in run.approaches:
-        about = samples.get(name, {})
-        known = [about.get(key) for key in ("good", *SPEED_COLUMNS[2:4])]
-        error = errors.get(name, [None] * len(ERROR_COLUMNS))
-        rows.append([name, *known, error[4], error[6], about.get("counted_by")])
+        about, own = samples.get(name, {}), errors.get(name)
+        known = [about.get(k) for k in ("good", *SpeedRow.names()[2:4])]
+        error = (None, None) if own is None else (own.error_median, own.error_max)
+        rows.append(SpeedRow.of(name, *known, *error, about.get("counted_by")))
     checked = run.summary.get("verification")
-    if isinstance(checked, Mapping) and checked.get("samples_compared"):
+    if isinstance(checked, Mapping) and (compared := checked.get("samples_compared")):
         verdicts = (
             f"{checked.get('wrong_verdicts')} wrong of {checked.get('eigenvalues')} verdicts,"
             f" {checked.get('errors_beyond_estimates')} errors beyond their estimates"
         )
-        true = (checked.get(f"{kind}_relative_error") for kind in ("median", "largest"))
-        rows.append(
-            ["against full order", checked["samples_compared"], None, None, *true, verdicts]
-        )
+        true = [checked.get(f"{kind}_relative_error") for kind in ("median", "largest")]
+        rows.append(SpeedRow.of("against full order", compared, None, None, *true, verdicts))
     return rows
 
 
@@ -93,22 +118,19 @@ def eigenvalue_errors(modes: Columns) -> NDArray[np.float64]:
     return out
 
 
-def stage_rows(summary: Mapping[str, Any]) -> list[list[Value]]:
+def stage_rows(summary: Mapping[str, Any]) -> list[StageRow]:
     """Seconds [s] and peak memory [MB] per stage, in the order of the run.
 
     Args:
         summary: content of ``summary.json``; the tables ``seconds`` and ``peak_memory_mb`` are
             read, from stage to number.
-
-    Returns:
-        Rows in the order of `STAGE_COLUMNS`.
     """
     seconds, memory = (_numbers(summary.get(key)) for key in ("seconds", "peak_memory_mb"))
     names = [*seconds, *(name for name in memory if name not in seconds)]
-    return [[name, seconds.get(name), memory.get(name)] for name in names]
+    return [StageRow(name, seconds.get(name), memory.get(name)) for name in names]
 
 
-def _quantiles(values: NDArray, mine: NDArray[np.bool_], *shares: float) -> list[Value]:
+def _quantiles(values: NDArray, mine: NDArray[np.bool_], *shares: float) -> list[float | None]:
     """Quantiles of the finite values of some rows; None without any."""
     known = values[mine & np.isfinite(values)]
     if known.size == 0:

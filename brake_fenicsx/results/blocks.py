@@ -18,11 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.folder import sample_files
-from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import FOLDER, Arrays, Task
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.samples.forces import forces_of_sample
-from brake_fenicsx.samples.study import Study
 
 from .families import ModeFamilies
 from .squeal import squeals
@@ -49,14 +46,10 @@ class Tabulation:
 
     Attributes:
         threshold: a mode squeals where its damping lies below minus this.
-        sliding: elements over which friction is averaged, shape (elements,); all if None.
-        forces: makes numbers of the forces on the pads, shape (pads, numbers), from a sample.
         founders: families that all blocks know.
     """
 
     threshold: float = 0.0
-    sliding: NDArray[np.bool_] | None = None
-    forces: Callable[[Mapping[str, Any]], NDArray[np.float64]] | None = None
     founders: ModeFamilies = field(default_factory=ModeFamilies)
 
     @cached_property
@@ -80,8 +73,6 @@ class Tabulation:
             if data is None:
                 continue
             row = {name: v for name, v in data.items() if name not in LARGE}
-            if "mu" in data:
-                row["mean_mu"] = np.array(_mean(data["mu"], self.sliding))
             if str(data["status"]) == "ok":
                 row |= self._of_good(data, members, squealing)
             rows.append(row)
@@ -100,66 +91,39 @@ class Tabulation:
     def _of_good(
         self, data: Mapping[str, Any], members: ModeFamilies, squealing: dict[int, NDArray]
     ) -> Arrays:
-        """Forces, and families of the modes of a good sample."""
-        out: Arrays = {}
-        if self.forces is not None:
-            out["forces"] = self.forces(data)
-        if "s" in data:
-            out["family"] = np.full(data["s"].size, -1, dtype=np.int32)
-        if "coordinates" in data:
-            out["family"] = family = _added(members, data)
-            for i in np.flatnonzero(squeals(data, self.threshold)):
-                squealing.setdefault(int(family[i]), data["coordinates"][:, i].copy())
-        return out
+        """Families of the modes of a good sample."""
+        if "s" not in data:
+            return {}
+        if "coordinates" not in data:
+            return {"family": np.full(data["s"].size, -1, dtype=np.int32)}
+        family = _added(members, data)
+        for i in np.flatnonzero(squeals(data, self.threshold)):
+            squealing.setdefault(int(family[i]), data["coordinates"][:, i].copy())
+        return {"family": family}
 
 
-def tabulation_of(study: Study) -> Tabulation:
-    """How the samples of a study become columns; its founders are found where there are many."""
-    stability, store = study.scene.stability, study.store
-    founders = ModeFamilies()
-    if stability is not None and len(study.tasks) > sample_files.BLOCK:
-        founders = _founders(store, study.tasks)
-    return Tabulation(
-        stability.threshold if stability else 0.0, study.brake.contact.speed > 0,
-        forces_of_sample(study.scene, study.brake), founders,
-    )  # fmt: skip
+def tabulation_of(store: Store, tasks: Sequence[Task], threshold: float | None) -> Tabulation:
+    """How the samples of a folder become columns; its founders are found where there are many.
 
-
-def prepare_blocks(study: Study) -> None:
-    """Let blocks of samples be tabulated as they are packed; collective.
-
-    Where there are more samples than a block has, the first ones of every approach are computed.
-    A share computes none: without the families of a folder that was prepared its blocks are packed
-    as they are, and the end of the run tabulates them.
+    Args:
+        store: the results folder.
+        tasks: approach and number of each sample.
+        threshold: a mode squeals where its damping lies below minus this; None without modes.
     """
-    many = study.scene.stability is not None and len(study.tasks) > sample_files.BLOCK
-    there = on_first(lambda: study.store.path(FOUNDERS).is_file(), study.comm)
-    if many and not there:
-        if study.store.share is not None:
-            return
-        study.run(FOUNDING)
-        on_first(lambda: _founders(study.store, study.tasks), study.comm)
-    tabulate, own = tabulation_of(study), {name for name, _ in study.tasks}
-    study.store.samples.tabulate = lambda tasks, load: (
-        tabulate(tasks, load) if tasks[0][0] in own else None
-    )
+    many = threshold is not None and len(tasks) > sample_files.BLOCK
+    return Tabulation(threshold or 0.0, founders_of(store, tasks) if many else ModeFamilies())
 
 
-def _founders(store: Store, tasks: Sequence[Task]) -> ModeFamilies:
-    """Families of the first samples of every approach, kept in the folder."""
+def founders_of(store: Store, tasks: Sequence[Task]) -> ModeFamilies:
+    """Families of the first samples of every approach, those kept in the folder if they are."""
     made, known = ModeFamilies(), store.load(FOUNDERS)
     if known is not None:
-        made.vectors, made.frequencies = (
-            [*known["vectors"]],
-            [float(f) for f in known["frequencies"]],
-        )
+        made.vectors, made.frequencies = [*known["vectors"]], known["frequencies"].tolist()
         return made
     for task in tasks:
         data = store.samples.load(task) if task[1] < FOUNDING else None
         if data is not None and "coordinates" in data:
             _added(made, data)
-    vectors, frequencies = np.array(made.vectors), np.array(made.frequencies)
-    store.save(FOUNDERS, vectors=vectors, frequencies=frequencies)
     return made
 
 
@@ -174,17 +138,19 @@ class SampleBlock:
 
     Attributes:
         tasks: approach and number of each sample that is there.
-        beside: arrays of the block itself, see ``BESIDE``.
     """
 
     def __init__(self, columns: Arrays):
         """Take columns as ``Tabulation`` makes them."""
-        # All columns share the bytes of their file, which what is kept must not hold.
-        self.beside = {name: columns[name].copy() for name in BESIDE if name in columns}
-        pairs = zip(self.beside["approaches"], self.beside["numbers"], strict=True)
+        pairs = zip(columns["approaches"], columns["numbers"], strict=True)
         self.tasks: list[Task] = [(str(approach), int(number)) for approach, number in pairs]
         self._columns = columns
         self._shapes = dict(zip(map(str, columns["names"]), columns["shapes"], strict=True))
+
+    def beside(self, name: str) -> NDArray:
+        """A copy of an array of the block itself, see ``BESIDE``."""
+        # All columns share the bytes of their file, which what is kept must not hold.
+        return self._columns[name].copy()
 
     def __contains__(self, name: str) -> bool:
         return name in self._shapes
@@ -197,8 +163,8 @@ class SampleBlock:
     def part(self, names: Sequence[str]) -> SampleBlock:
         """The same samples with copies of some of their arrays."""
         kept = {n: v.copy() for n, v in self._columns.items() if n.split(".")[0] in names}
-        shapes = {name: own for name, own in self._shapes.items() if name in names}
-        beside = {name: self.beside[name] for name in ("approaches", "numbers")}
+        shapes = {name: own.copy() for name, own in self._shapes.items() if name in names}
+        beside = {name: self.beside(name) for name in BESIDE[:2]}
         own = {"names": np.array([*shapes], dtype=str), "shapes": np.array([*shapes.values()])}
         return SampleBlock({**kept, **beside, **own})
 
@@ -236,35 +202,40 @@ class SampleBlock:
         return [next(values).item() if there else default for there in self.sizes(name)]
 
 
-def blocks_of(store: Store, tasks: Sequence[Task], tabulate: Tabulation) -> Iterator[SampleBlock]:
-    """Columns of all blocks, in the order of the tasks.
+class Blocks:
+    """All blocks of some samples, in the order of the tasks; looked at again and again."""
 
-    Args:
-        store: the results folder.
-        tasks: approach and number of each sample wanted.
-        tabulate: how samples become columns that are not packed, or not with its founders.
-    """
-    groups: dict[tuple[str, int], list[Task]] = {}
-    for task in tasks:
-        key = (
-            (task[0], task[1] // sample_files.BLOCK) if len(tasks) > sample_files.BLOCK else ("", 0)
-        )
-        groups.setdefault(key, []).append(task)
-    for group in groups.values():
-        columns = None
-        if len(group) == sample_files.BLOCK and len({name for name, _ in group}) == 1:
-            columns = store.samples.columns(group[0])
-        if columns is None or str(columns["founders"]) != tabulate.mark:
-            columns = tabulate(group, store.samples.load)
-        yield SampleBlock(columns)
+    def __init__(self, store: Store, tasks: Sequence[Task], tabulate: Tabulation):
+        """Group the samples.
 
+        Args:
+            store: the results folder.
+            tasks: approach and number of each sample wanted.
+            tabulate: how samples become columns that are not packed, or not with its founders.
+        """
+        self._store, self._tabulate = store, tabulate
+        self._made: dict[tuple[str, int], SampleBlock] = {}
+        self._groups: dict[tuple[str, int], list[Task]] = {}
+        for task in tasks:
+            many = len(tasks) > sample_files.BLOCK
+            key = (task[0], task[1] // sample_files.BLOCK) if many else ("", 0)
+            self._groups.setdefault(key, []).append(task)
 
-def _mean(mu: NDArray[np.float64], sliding: NDArray[np.bool_] | None) -> float:
-    """Mean friction over the sliding elements."""
-    chosen = mu if sliding is None else mu[sliding]
-    ends = {float(chosen.min()), float(chosen.max())} if chosen.size else {0.0}
-    # The mean of equal numbers is off by round-off.
-    return float(f"{chosen.mean():.12g}") if len(ends) > 1 else ends.pop()
+    def __len__(self) -> int:
+        return len(self._groups)
+
+    def __iter__(self) -> Iterator[SampleBlock]:
+        """Columns of each block: of an archive mapped into memory, else tabulated once."""
+        for key, group in self._groups.items():
+            if key not in self._made:
+                columns = None
+                if len(group) == sample_files.BLOCK and len({name for name, _ in group}) == 1:
+                    columns = self._store.samples.columns(group[0])
+                if columns is not None and str(columns["founders"]) == self._tabulate.mark:
+                    yield SampleBlock(columns)
+                    continue
+                self._made[key] = SampleBlock(self._tabulate(group, self._store.samples.load))
+            yield self._made[key]
 
 
 def _packed(rows: Sequence[Mapping[str, NDArray]]) -> Arrays:

@@ -34,11 +34,6 @@ def parquet_of(path: Path) -> Path:
     return path.with_suffix(".parquet")
 
 
-def is_parquet(path: Path) -> bool:
-    """Whether the rows of a CSV table are read from a Parquet file."""
-    return parquet_of(path).is_file() and (_pyarrow() is not None or not path.is_file())
-
-
 @contextmanager
 def column_writer(path: Path, columns: Sequence[str] = ()) -> Iterator[Write]:
     """A table whose rows are given in parts; it appears whole at the end, or not at all.
@@ -77,64 +72,24 @@ def column_writer(path: Path, columns: Sequence[str] = ()) -> Iterator[Write]:
         flush()
 
 
-def read_parquet(path: Path) -> ParquetColumns:
-    """Columns of a Parquet file.
+def write_csv(path: Path) -> Path | None:
+    """Write the CSV file of a table that stands in a Parquet file; None where there is none.
 
     Raises:
         SceneError: pyarrow is not installed, or the file is damaged.
     """
-    pyarrow = _pyarrow()
-    if pyarrow is None:
-        raise SceneError(f"{path}: needs pyarrow: pip install pyarrow")
-    try:
-        return ParquetColumns(path, pyarrow)
-    except (pyarrow.lib.ArrowException, OSError) as error:
-        raise SceneError(f"{path}: cannot be read ({error}); run the scene again") from None
-
-
-def write_csv(path: Path) -> Path | None:
-    """Write the CSV file of a table that stands in a Parquet file; None where there is none."""
     if not (source := parquet_of(path)).is_file():
         return None
-    file = read_parquet(source).file
-    with _csv(path, file.schema_arrow.names) as write:
-        for part in file.iter_batches(GROUP):
-            write({name: part.column(name) for name in part.schema.names})
+    if (pyarrow := _pyarrow()) is None:
+        raise SceneError(f"{source}: needs pyarrow: pip install pyarrow")
+    try:
+        file = pyarrow.parquet.ParquetFile(source)
+        with _csv(path, file.schema_arrow.names) as write:
+            for part in file.iter_batches(GROUP):
+                write({name: part.column(name) for name in part.schema.names})
+    except pyarrow.lib.ArrowException as error:
+        raise SceneError(f"{source}: cannot be read ({error}); run the scene again") from None
     return path
-
-
-class ParquetColumns(Mapping[str, Any]):
-    """Columns that are read from the file each time they are asked for: a study has 10^8 cells.
-
-    Texts are pandas categories, whole numbers with empty cells are floats.
-    """
-
-    def __init__(self, path: Path, pyarrow: ModuleType):
-        self.file = pyarrow.parquet.ParquetFile(path)
-        self._pool = pyarrow.default_memory_pool()
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in self.file.schema_arrow.names:
-            raise KeyError(name)
-        kind, about = self.file.schema_arrow.field(name).type, self.file.metadata
-        if "dictionary" in str(kind):
-            return self.file.read([name]).column(0).to_pandas().array
-        place = self.file.schema_arrow.get_field_index(name)
-        groups = (about.row_group(i).column(place) for i in range(about.num_row_groups))
-        empty = any(group.statistics.null_count for group in groups)
-        # Part by part, else there are two copies of it.
-        out, start = np.empty(about.num_rows, float if empty else kind.to_pandas_dtype()), 0
-        for part in self.file.iter_batches(GROUP, columns=[name]):
-            out[start : start + len(part)] = part.column(0).to_numpy(zero_copy_only=False)
-            start += len(part)
-        self._pool.release_unused()
-        return out
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.file.schema_arrow.names)
-
-    def __len__(self) -> int:
-        return len(self.file.schema_arrow.names)
 
 
 def _pyarrow() -> ModuleType | None:

@@ -1,93 +1,106 @@
-"""Sums over the samples of an approach, for the summary of a run."""
+"""Figures of the summary over the samples of an approach, and over those that were verified."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .blocks import SampleBlock
+from brake_fenicsx.folder.sample_files import Task
 
-PROVEN = "proven"  # kind of a count, see ``brake_fenicsx.stability.modes.Counting``
-
-Array = NDArray[np.float64]
+from .accuracy import eigenvalue_errors
+from .stored import PROVEN, StoredSamples
 
 
-@dataclass
-class Counts:
-    """Sums over the good samples of an approach."""
+def sample_facts(stored: StoredSamples) -> dict[str, Any]:
+    """Figures over the samples of each approach.
 
-    good: int = 0
-    failed: int = 0
-    modes: int = 0
-    unstable: int = 0
-    neutral: int = 0
-    tolerance_missed: int = 0
-    not_complete: int = 0
-    largest_error: float = 0.0
-    beyond_laws: float = 0.0
-    rejected: int | None = None
-    counted_by: str | None = None
-    forces: list[Array] = field(default_factory=list)
-    of_each: dict[str, list[float]] = field(default_factory=dict)
+    Args:
+        stored: the samples.
 
-    def add_samples(self, block: SampleBlock, own: NDArray[np.intp]) -> None:
-        """Samples of a block by their places."""
-        self.good += own.size
-        kinds, words = (block.scalars(name, None) for name in ("count_kind", "counted"))
-        counts = [(kinds[i], words[i]) for i in own if kinds[i] is not None]
-        if counts and self.counted_by is None:
-            self.counted_by = _sentence(*counts[0])
-        self.not_complete += sum(kind != PROVEN for kind, _ in counts)
-        for name in ("stability_seconds", "equilibrium_seconds", "equilibrium_iterations"):
-            values = block.scalars(name, None)
-            known = self.of_each.setdefault(name, [])
-            known += [float(values[i]) for i in own if values[i] is not None]
-        beyond = block.scalars("beyond_laws", 0.0)
-        self.beyond_laws = max([self.beyond_laws, *(float(beyond[i]) for i in own)])
-        missed = block.scalars("tolerance_missed", 0)
-        self.tolerance_missed += sum(int(missed[i]) for i in own)
-        if "rejected" in block:
-            rejected = block.scalars("rejected", 0)
-            self.rejected = (self.rejected or 0) + sum(int(rejected[i]) for i in own)
-        forces = block.each("forces")
-        self.forces += [f.copy() for i in own if (f := forces[i]) is not None]
+    Returns:
+        "samples", by approach, "failed_samples" and, where something beside the modes of a sample
+        failed, "lost_extras".
+    """
+    names = [str(name) for name in stored.rows["approach"]]
+    good = [status == "ok" for status in stored.rows["status"]]
+    facts: dict[str, Any] = {
+        "samples": {name: _approach(stored, name, names, good)
+                    for name in dict.fromkeys(name for name, _ in stored.tasks)},
+        "failed_samples": good.count(False),
+    }  # fmt: skip
+    each = zip(names, stored.rows["sample"], stored.of_each("lost"), strict=True)
+    if lost := [(f"{name} {k}", text) for name, k, text in each if text]:
+        (where, text), more = lost[0], len(lost) - 1
+        others = f", and in {more} more samples" if more else ""
+        facts["lost_extras"] = [f"{text} (sample {where}{others})"]
+    return facts
 
-    def add_modes(self, block: SampleBlock, own: NDArray[np.bool_]) -> None:
-        """Modes of a block that are of the approach."""
-        from brake_fenicsx.stability.modes import relative_errors
 
-        error = relative_errors(block.column("s")[own], block.column("error")[own])
-        verdict = block.column("verdict")[own]
-        self.modes += int(own.sum())
-        self.largest_error = max(self.largest_error, float(np.fmax.reduce(error, initial=0.0)))
-        self.unstable += int((verdict == "unstable").sum())
-        self.neutral += int((verdict == "neutral").sum())
+def _approach(
+    stored: StoredSamples, name: str, names: list[str], good: list[bool]
+) -> dict[str, Any]:
+    """Figures over the good samples of an approach."""
+    own = [i for i, (of, ok) in enumerate(zip(names, good, strict=True)) if ok and of == name]
 
-    def facts(self) -> dict[str, Any]:
-        """Figures for the summary."""
-        about: dict[str, Any] = {"good": self.good}
-        if self.counted_by is not None:
-            about |= {
-                "modes": self.modes, "counted_by": self.counted_by,
-                "not_complete": self.not_complete, "tolerance_missed": self.tolerance_missed,
-                "largest_error": self.largest_error, "unstable": self.unstable,
-                "neutral": self.neutral,
-                "seconds_per_stability": float(np.median(self.of_each["stability_seconds"])),
-            }  # fmt: skip
-        if self.rejected is not None:
-            about["rejected_draws"] = self.rejected
-        if self.beyond_laws:
-            about["force_share_beyond_laws"] = self.beyond_laws
-        if self.good:
-            for name, key in (("seconds_per_equilibrium", "equilibrium_seconds"),
-                              ("newton_iterations", "equilibrium_iterations")):  # fmt: skip
-                about[name] = float(np.median(self.of_each[key]))
-        return about
+    def values(key: str) -> list[Any]:
+        every = stored.of_each(key)
+        return [every[i] for i in own if every[i] is not None]
+
+    about: dict[str, Any] = {"good": len(own)}
+    if kinds := values("count_kind"):
+        mine = np.asarray(stored.modes["approach"] == name)
+        verdict = stored.modes["verdict"][mine]
+        about |= {
+            "modes": int(mine.sum()), "counted_by": _sentence(kinds[0], values("counted")[0]),
+            "not_complete": sum(kind != PROVEN for kind in kinds),
+            "tolerance_missed": sum(map(int, values("tolerance_missed"))),
+            "largest_error": float(np.fmax.reduce(eigenvalue_errors(stored.modes)[mine],
+                                                  initial=0.0)),
+            "unstable": int((verdict == "unstable").sum()),
+            "neutral": int((verdict == "neutral").sum()),
+            "seconds_per_stability": float(np.median(values("stability_seconds"))),
+        }  # fmt: skip
+    if rejected := values("rejected"):
+        about["rejected_draws"] = sum(map(int, rejected))
+    if beyond := max(map(float, values("beyond_laws")), default=0.0):
+        about["force_share_beyond_laws"] = beyond
+    if own:
+        about["seconds_per_equilibrium"] = float(np.median(values("equilibrium_seconds")))
+        about["newton_iterations"] = float(np.median(values("equilibrium_iterations")))
+    return about
 
 
 def _sentence(kind: str, how: str) -> str:
     """What the summary says of how the modes of a sample were counted."""
     return how if kind == PROVEN else f"{'not proven' if kind == 'counted' else kind}: {how}"
+
+
+def verification(stored: StoredSamples, verify: Sequence[Task], verified: str) -> dict[str, Any]:
+    """Reduced samples against full order.
+
+    Args:
+        stored: the samples.
+        verify: those of the verification.
+        verified: approach that they verify.
+    """
+    errors, wrong, beyond, compared = [np.zeros(0)], 0, 0, 0
+    for task in verify:
+        full, mine = (stored.store.samples.load(t) or {} for t in (task, (verified, task[1])))
+        if "s" not in full or "s" not in mine or mine["s"].size != full["s"].size:
+            continue
+        compared += 1
+        error = np.abs(mine["s"] - full["s"])
+        beyond += int(np.sum(~(error <= mine["error"] + full["error"])))
+        errors.append(error / np.abs(full["s"]))
+        pairs = zip(mine["verdict"], full["verdict"], strict=True)
+        wrong += sum({str(a), str(b)} == {"stable", "unstable"} for a, b in pairs)
+    error = np.concatenate(errors)
+    return {
+        "samples_asked": len(verify), "samples_compared": compared,
+        "eigenvalues": int(error.size), "wrong_verdicts": wrong,
+        "errors_beyond_estimates": beyond,
+        "largest_relative_error": float(error.max()) if error.size else None,
+        "median_relative_error": float(np.median(error)) if error.size else None,
+    }  # fmt: skip

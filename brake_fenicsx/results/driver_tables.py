@@ -7,36 +7,66 @@ family where the approach has several samples.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .squeal import squeals
-from .stored import Results
-from .tables import write_rows
+from .stored import StoredSamples
+from .tables import Row, RowTable
 
-DRIVERS = (
-    "approach", "sample", "family", "mode", "frequency_hz", "alpha", "damping", "condition",
-    "parameter", "kind", "dalpha_dp_1_s", "df_dp_hz", "ddamping_dp", "trusted", "modes",
-)  # fmt: skip
-CONTACT_DRIVERS = (
-    "approach", "sample", "mode", "element", "dalpha_dlnk_1_s", "df_dlnk_hz", "friction_work",
-)  # fmt: skip
 MEDIAN = "median"
 
 
-def write_drivers(folder: Path, results: Results, threshold: float) -> None:
-    """Write both tables.
+@dataclass(frozen=True, slots=True)
+class Driver(Row):
+    """A row of drivers.csv: the derivative of a mode by a parameter."""
+
+    approach: str
+    sample: int | str
+    family: int
+    mode: int | None
+    frequency_hz: float
+    alpha: float
+    damping: float
+    condition: float
+    parameter: str
+    kind: str
+    dalpha_dp_1_s: float
+    df_dp_hz: float
+    ddamping_dp: float
+    trusted: str
+    modes: int
+
+
+@dataclass(frozen=True, slots=True)
+class ContactDriver(Row):
+    """A row of drivers_contact.csv: the derivative of a mode by the stiffness of an element."""
+
+    approach: str
+    sample: int
+    mode: int
+    element: int
+    dalpha_dlnk_1_s: float
+    df_dlnk_hz: float
+    friction_work: float
+
+
+def driver_table(stored: StoredSamples, threshold: float) -> RowTable:
+    """RowTable of drivers.csv.
 
     Args:
-        folder: where to.
-        results: stored samples.
+        stored: stored samples.
         threshold: a mode squeals where its damping lies below minus this.
     """
-    write_rows(folder / "drivers.csv", DRIVERS, _rows(results, threshold))
-    write_rows(folder / "drivers_contact.csv", CONTACT_DRIVERS, _maps(results, threshold))
+    return RowTable.of(Driver, _rows(stored, threshold))
+
+
+def contact_driver_table(stored: StoredSamples, threshold: float) -> RowTable:
+    """RowTable of drivers_contact.csv; arguments as above."""
+    return RowTable.of(ContactDriver, _maps(stored, threshold))
 
 
 def _squealing(data: dict[str, Any], threshold: float) -> NDArray[np.intp]:
@@ -61,10 +91,11 @@ def _numbers(data: dict[str, Any], place: int) -> NDArray:
     return np.stack([*(np.broadcast_to(c, d.shape) for c in columns), trusted], axis=1)
 
 
-def _row(numbers: NDArray, name: tuple[str, str], modes: int) -> list[Any]:
-    """Cells from the frequency on."""
+def _row(place: list[Any], numbers: NDArray, name: tuple[str, str], modes: int) -> Driver:
+    """A row from its place: approach, sample, family and mode."""
     values = [float(x) for x in numbers]
-    return [*values[:4], *name, *values[4:7], "yes" if values[7] >= 0.5 else "no", modes]
+    trusted = "yes" if values[7] >= 0.5 else "no"
+    return Driver.of(*place, *values[:4], *name, *values[4:7], trusted, modes)
 
 
 def _names(data: dict[str, Any]) -> list[tuple[str, str]]:
@@ -72,21 +103,23 @@ def _names(data: dict[str, Any]) -> list[tuple[str, str]]:
     return [(str(parameter), str(kind)) for parameter, kind in pairs]
 
 
-def _rows(results: Results, threshold: float) -> Iterator[list[Any]]:
-    for nominal, data in results.first.items():
-        own = [(d, family) for task, d, family in results.more if task[0] == nominal[0]]
-        family = next((f for task, _, f in results.more if task == nominal), np.zeros(0, np.int32))
+def _rows(stored: StoredSamples, threshold: float) -> Iterator[Driver]:
+    every = list(stored.with_arrays("driver_"))
+    for nominal, data in stored.first.items():
+        own = [(d, family) for task, d, family in every if task[0] == nominal[0]]
+        family = next((f for task, _, f in every if task == nominal), np.zeros(0, np.int32))
         for place in _squealing(data, threshold):
             mode = int(data["driver_mode"][place])
             for name, numbers in zip(_names(data), _numbers(data, place), strict=True):
-                yield [*nominal, int(family[mode]), mode, *_row(numbers, name, 1)]
-        if results.good(nominal[0]) > 1:
+                yield _row([*nominal, int(family[mode]), mode], numbers, name, 1)
+        good = zip(stored.rows["approach"], stored.rows["status"], strict=True)
+        if sum(row == (nominal[0], "ok") for row in good) > 1:
             yield from _medians(nominal[0], own, threshold)
 
 
 def _medians(
     approach: str, samples: list[tuple[dict[str, Any], NDArray[np.int32]]], threshold: float
-) -> Iterator[list[Any]]:
+) -> Iterator[Driver]:
     """Of the modes of each family, parameters that all of them have."""
     members: dict[int, list[dict[tuple[str, str], NDArray]]] = {}
     for data, family in samples:
@@ -99,12 +132,12 @@ def _medians(
             if all(name in rows for rows in own):
                 each = np.array([rows[name] for rows in own])
                 median = np.r_[np.median(each[:, :7], axis=0), each[:, 7].mean()]
-                yield [approach, MEDIAN, number, None, *_row(median, name, len(own))]
+                yield _row([approach, MEDIAN, number, None], median, name, len(own))
 
 
-def _maps(results: Results, threshold: float) -> Iterator[list[Any]]:
+def _maps(stored: StoredSamples, threshold: float) -> Iterator[ContactDriver]:
     """Contact elements of the first samples."""
-    for task, data in results.first.items():
+    for task, data in stored.first.items():
         if "driver_map" not in data:
             continue
         for place in _squealing(data, threshold):
@@ -112,4 +145,4 @@ def _maps(results: Results, threshold: float) -> Iterator[list[Any]]:
             pairs = zip(data["driver_map"][:, place], data["driver_work"][:, place], strict=True)
             for element, (d, work) in enumerate(pairs):
                 values = float(d.real), float(d.imag / (2 * np.pi)), float(work)
-                yield [*task, mode, element, *values]
+                yield ContactDriver.of(*task, mode, element, *values)

@@ -1,14 +1,12 @@
-"""Families: modes of different samples, runs or meshes that have the same shape.
-
-Two shapes are compared by the modal assurance criterion (MAC), 1 for the same shape, whatever its
-complex scale, and 0 for an orthogonal one (R. J. Allemang, Sound and Vibration 37(8) (2003) 14).
-"""
+"""Families: modes of different samples, runs or meshes that have the same shape, by their MAC."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+
+from brake_fenicsx.mac import mac
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -23,31 +21,6 @@ FLAT = 1e-3
 # Least MAC of a mode at its onset with the family that it is named after: that of a mode that is
 # made of two in equal parts, and of little else.
 RESEMBLES = 0.4
-
-
-def mac(
-    x: Complex, y: Complex, x_left: Complex | None = None, y_left: Complex | None = None
-) -> NDArray:
-    """Modal assurance criterion of every column of x with every column of y.
-
-    Args:
-        x: vectors in coordinates in which the mass is about the identity, shape (m, modes).
-        y: likewise, shape (m, others).
-        x_left: left vectors of modes that are not orthogonal; x itself if None.
-        y_left: likewise.
-
-    Returns:
-        Shape (modes, others): real, 0 of a zero vector; with left vectors complex traces of the
-        products of the modes' spectral projectors, infinite of a defective mode.
-    """
-    L, N = (x if x_left is None else x_left), (y if y_left is None else y_left)
-    own, theirs = (np.einsum("im,im->m", a.conj(), b) for a, b in ((L, x), (N, y)))
-    scale = np.outer(own, theirs)
-    tiny = np.abs(scale) < 1e-300
-    product = (L.conj().T @ y) * (N.conj().T @ x).T
-    if x_left is None and y_left is None:
-        return np.where(tiny, 0.0, product / np.where(tiny, 1.0, scale)).real
-    return np.where(tiny, np.inf, product / np.where(tiny, 1.0, scale))
 
 
 def same_families(

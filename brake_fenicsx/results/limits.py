@@ -7,19 +7,36 @@ every unstable mode, with nothing but the damping that the scene names.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from .run import RunData
 from .squeal import squeals
-from .statistics import wilson
-from .tables import Value
+from .statistics import Proportion, wilson
+from .tables import Row
 
 USUAL = 0.01  # of the damping ratio -2 Re / |Im| that Abaqus prints
-LIMIT_COLUMNS = (
-    "approach", "limit", "damping_below", "squeal_modes", "squeal_samples", "samples", "share",
-    "share_low", "share_high",
-)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class LimitRow(Row):
+    """A row of limits.csv: what squeals of an approach at a limit of the damping."""
+
+    approach: str
+    limit: str
+    damping_below: float
+    squeal_modes: int
+    squeal_samples: int
+    samples: int
+    share: float | None
+    share_low: float | None
+    share_high: float | None
+
+
+def share_cells(share: Proportion) -> list[float | None]:
+    """A share and its interval; a single sample has a verdict, no share."""
+    return share.cells if share.n > 1 else [None] * 3
 
 
 def limits(run: RunData) -> dict[float, str]:
@@ -40,14 +57,14 @@ def limits(run: RunData) -> dict[float, str]:
     return {limit: "; ".join(said) for limit, said in texts.items()}
 
 
-def limit_rows(run: RunData, approaches: Sequence[str] | None = None) -> list[list[Value]]:
-    """One row for each approach and limit, in the order of `LIMIT_COLUMNS`.
+def limit_rows(run: RunData, approaches: Sequence[str] | None = None) -> list[LimitRow]:
+    """One row for each approach and limit.
 
     Args:
         run: the results.
         approaches: names; all if None. One without a sample that ended well has no rows.
     """
-    rows, modes = list[list[Value]](), run.modes
+    rows, modes = list[LimitRow](), run.modes
     for approach in run.approaches if approaches is None else approaches:
         n = run.squeal.good(approach).size
         if n == 0 or modes is None:
@@ -55,6 +72,7 @@ def limit_rows(run: RunData, approaches: Sequence[str] | None = None) -> list[li
         for limit, text in limits(run).items():
             loud = run.squeal.of_good(approach) & squeals(modes, limit)
             hits = np.unique(modes["sample"][loud]).size
-            share = wilson(hits, n).cells if n > 1 else [None] * 3
-            rows.append([approach, text, -limit or 0.0, int(loud.sum()), hits, n, *share])
+            share = share_cells(wilson(hits, n))
+            counts = int(loud.sum()), hits, n
+            rows.append(LimitRow.of(approach, text, -limit or 0.0, *counts, *share))
     return rows

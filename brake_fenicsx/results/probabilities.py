@@ -25,7 +25,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
@@ -40,7 +39,7 @@ from brake_fenicsx.scene.samples import Plan, Samples
 from .run import RunData
 from .sensitivity import Indices, indices
 from .statistics import Correlation, rank_correlation, wilson
-from .tables import write_rows
+from .tables import Row, RowTable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,18 +49,72 @@ Array = NDArray[np.float64]
 MOST_FAMILIES = 20  # looked at, the most severe first
 ROUGHNESS = "roughness"  # as an input: laws and critical gaps
 
-WHERE = ("approach", "threshold", "scope", "where", "frequency_hz")
-SENSITIVITY = (
-    *WHERE, "outcome", "input", "first", "first_low", "first_high", "total", "total_low",
-    "total_high", "method", "samples", "filled",
-)  # fmt: skip
-SHARES = {"friction": "contact.", "materials": "materials.", "loads": "loads."}
-PROBABILITIES = (
-    *WHERE, "samples", "squeal_samples", "probability", "low", "high", "median_damping", "severity",
-    "above_limit", "dominant_input", "correlation", "correlation_low", "correlation_high",
-    *(f"share_{name}" for name in SHARES), "share_rest",
-)  # fmt: skip
-CONVERGENCE = (*WHERE, "samples", "probability", "low", "high")
+SHARES = ("contact.", "materials.", "loads.")  # kinds of inputs: friction, materials, loads
+
+
+@dataclass(frozen=True, slots=True)
+class Place(Row):
+    """The outcome that a row is of."""
+
+    approach: str
+    threshold: float
+    scope: str
+    where: str
+    frequency_hz: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivity(Place):
+    """A row of sensitivity.csv."""
+
+    outcome: str
+    input: str
+    first: float | None
+    first_low: float | None
+    first_high: float | None
+    total: float | None
+    total_low: float | None
+    total_high: float | None
+    method: str
+    samples: int
+    filled: int
+
+
+@dataclass(frozen=True, slots=True)
+class Probability(Place):
+    """A row of probabilities.csv.
+
+    ``above_limit`` says whether the probability lies above ``samples.limit``: yes or no where its
+    whole interval does, else open. ``dominant_input`` is the input with the strongest rank
+    correlation with squeal; a negative one means that larger values make stable.
+    """
+
+    samples: int
+    squeal_samples: int
+    probability: float | None
+    low: float | None
+    high: float | None
+    median_damping: float | None
+    severity: float
+    above_limit: str
+    dominant_input: str | None
+    correlation: float | None
+    correlation_low: float | None
+    correlation_high: float | None
+    share_friction: float | None
+    share_materials: float | None
+    share_loads: float | None
+    share_rest: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Convergence(Place):
+    """A row of convergence.csv."""
+
+    samples: int
+    probability: float | None
+    low: float | None
+    high: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,22 +265,20 @@ def _causes(samples: Samples, e: Ensemble, o: Outcome) -> Causes:
     return Causes(indices(plan, e.x, o.growth, e.good), squeal, best, strongest)
 
 
-def write_causes(folder: Path, samples: Samples, found: Sequence[Ensemble]) -> dict[str, Any]:
-    """Write the three tables; sensitivity.csv only where some approach has random inputs.
+def cause_tables(samples: Samples, found: Sequence[Ensemble]) -> dict[str, RowTable]:
+    """The three tables by name; sensitivity only where some approach has random inputs.
 
     Args:
-        folder: the results folder.
         samples: the scene's [samples].
         found: samples of each approach, with their causes.
-
-    Returns:
-        Figures for the summary.
     """
-    write_rows(folder / "probabilities.csv", PROBABILITIES, probability_rows(samples, found))
-    write_rows(folder / "convergence.csv", CONVERGENCE, convergence_rows(samples, found))
+    tables = {
+        "probabilities": RowTable.of(Probability, probability_rows(samples, found)),
+        "convergence": RowTable.of(Convergence, convergence_rows(samples, found)),
+    }
     if any(e.names for e in found):
-        write_rows(folder / "sensitivity.csv", SENSITIVITY, sensitivity_rows(found))
-    return probability_facts(samples, found)
+        tables["sensitivity"] = RowTable.of(Sensitivity, sensitivity_rows(found))
+    return tables
 
 
 def _place(e: Ensemble, o: Outcome) -> list[Any]:
@@ -238,7 +289,7 @@ def _plan(samples: Samples, e: Ensemble) -> Plan:
     return samples.plan(e.approach)
 
 
-def sensitivity_rows(found: Sequence[Ensemble]) -> Iterator[list[Any]]:
+def sensitivity_rows(found: Sequence[Ensemble]) -> Iterator[Sensitivity]:
     """Rows of sensitivity.csv; outcomes that never change have none.
 
     Args:
@@ -253,7 +304,7 @@ def sensitivity_rows(found: Sequence[Ensemble]) -> Iterator[list[Any]]:
                     first = _interval(x.first[i], x.first_half[i])
                     total = _interval(x.total[i], x.total_half[i])
                     counts = [x.method, x.used, x.filled]
-                    yield [*_place(e, o), name, key, *first, *total, *counts]
+                    yield Sensitivity.of(*_place(e, o), name, key, *first, *total, *counts)
 
 
 def _interval(value: float, half: float) -> list[float | None]:
@@ -262,12 +313,8 @@ def _interval(value: float, half: float) -> list[float | None]:
     return [float(v) if np.isfinite(v) else None for v in numbers]
 
 
-def probability_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[list[Any]]:
+def probability_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[Probability]:
     """Rows of probabilities.csv.
-
-    ``above_limit`` says whether the probability lies above ``samples.limit``: yes or no where its
-    whole interval does, else open. ``dominant_input`` is the input with the strongest rank
-    correlation with squeal; a negative one means that larger values make stable.
 
     Args:
         samples: the scene's [samples].
@@ -281,11 +328,11 @@ def probability_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[li
                 "yes" if share.low > samples.limit else "no" if share.high < samples.limit
                 else "open"
             )  # fmt: skip
-            yield [
+            yield Probability.of(
                 *_place(e, o), share.n, share.hits, *share.cells,
                 o.median_damping, share.value * abs(o.median_damping or 0.0), above,
                 *_dominant(cause, e), *_shares(cause.growth, e),
-            ]  # fmt: skip
+            )  # fmt: skip
 
 
 def _dominant(cause: Causes, e: Ensemble) -> list[Any]:
@@ -300,12 +347,12 @@ def _shares(x: Indices, e: Ensemble) -> list[float | None]:
     first = x.first[: len(e.names)]
     if not e.names or not np.isfinite(first).all():
         return [None] * (len(SHARES) + 1)
-    own = [[n.startswith(start) for n in e.names] for start in SHARES.values()]
+    own = [[n.startswith(start) for n in e.names] for start in SHARES]
     shares = [float(first[np.array(chosen)].sum()) for chosen in own]
     return [*shares, 1.0 - sum(shares)]
 
 
-def convergence_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[list[Any]]:
+def convergence_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[Convergence]:
     """Rows of convergence.csv: the first samples, twice as many, ...
 
     Rigid designs have no such beginnings: their samples mean something only all together.
@@ -316,7 +363,7 @@ def convergence_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[li
             for n in [e.good.size] if rigid else _beginnings(e.good.size):
                 hits = o.squeal[:n][e.good[:n]]
                 share = wilson(int(hits.sum()), hits.size)
-                yield [*_place(e, o), share.n, *share.cells]
+                yield Convergence.of(*_place(e, o), share.n, *share.cells)
 
 
 def _beginnings(n: int) -> list[int]:

@@ -1,10 +1,10 @@
-"""What a run directory holds, read once; any part may be absent."""
+"""A run: its stored samples and all else that its folder holds; any part may be absent."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extensions import extras, load
 from brake_fenicsx.folder.arrays import read_npz, reading
+from brake_fenicsx.folder.store import PREPARED, Store
 
-from .columns import is_parquet
+from .blocks import tabulation_of
+from .driver_tables import contact_driver_table, driver_table
 from .squeal import SquealTable
-from .tables import CONTACT, MODES, SAMPLES, Columns, read_columns
+from .stored import StoredSamples
+from .tables import Columns
 
 Arrays = dict[str, NDArray]
 
@@ -27,8 +31,8 @@ APPROACHES = {
     "joint": "Joint",
 }  # fmt: skip
 SMOOTH = "Smooth contact"  # the approach "multi-scale" of a scene without roughness
-SWEEP = ("sweep", "lock_in", "chart", "critical", "critical_curve")
-LIMIT_CYCLE = ("limit_cycle", "limit_cycle_growth", "limit_cycle_families")
+# Files of tables that need more than the samples: the brake, lines of a sweep, resampling.
+CONTACT, SWEEP, CAUSES = "contact.npz", "sweep.npz", "causes.npz"
 # of every surface, scanned or given by numbers
 SURFACE = ("stats", "hdf_z", "hdf_density", "fit_q", "fit_C", "q_band")
 
@@ -39,33 +43,37 @@ class RunData:
 
     Attributes:
         directory: where the run wrote.
+        stored: the samples that the columns are of; None where these are given.
         modes: columns of ``modes.csv``, arrays of shape (n_modes,).
         samples: columns of ``samples.csv``, arrays of shape (n_samples,).
         contact: columns of ``contact.csv``, arrays of shape (n_elements,).
         drivers: columns of ``drivers.csv``, arrays of shape (n_derivatives,).
         driver_maps: columns of ``drivers_contact.csv``.
+        causes: ``probabilities`` and ``sensitivity``, columns of their CSV files.
         laws: arrays of ``laws.npz``.
         surface: arrays of ``surface.npz``.
         maps: arrays of ``contact_maps.npz``.
         faces: arrays of ``contact_faces.npz``.
-        sweep: tables of a sweep by the stem of their files, such as ``lock_in``.
-        cycles: tables of limit cycles, likewise.
+        sweep: columns of the tables of a sweep by the stem of their files, such as ``lock_in``.
+        extras: columns of the tables of extras, likewise.
         summary: content of ``summary.json``.
         scene: text of ``scene.toml``.
     """
 
     directory: Path
+    stored: StoredSamples | None = None
     modes: Columns | None = None
     samples: Columns | None = None
     contact: Columns | None = None
     drivers: Columns | None = None
     driver_maps: Columns | None = None
+    causes: dict[str, Columns] = field(default_factory=dict)
     laws: Arrays | None = None
     surface: Arrays | None = None
     maps: Arrays | None = None
     faces: Arrays | None = None
     sweep: dict[str, Columns] = field(default_factory=dict)
-    cycles: dict[str, Columns] = field(default_factory=dict)
+    extras: dict[str, Columns] = field(default_factory=dict)
     summary: dict[str, Any] = field(default_factory=dict)
     scene: str | None = None
 
@@ -132,11 +140,12 @@ def scan_heights(surface: Arrays) -> list[NDArray]:
     return [*surface["heights"].reshape(-1, *surface["heights"].shape[-2:])]
 
 
-def read_run(directory: str | Path | RunData) -> RunData:
-    """Read all that a run has written.
+def read_run(directory: str | Path | RunData, summary: dict[str, Any] | None = None) -> RunData:
+    """Read all that a run has written, and its samples block by block.
 
     Args:
         directory: the run directory, or results already read, which are handed back.
+        summary: what ``summary.json`` will have, of a run at work; that of the file if None.
 
     Returns:
         The results; parts whose file is absent are None or empty.
@@ -151,37 +160,82 @@ def read_run(directory: str | Path | RunData) -> RunData:
         what = "a file, and no folder of results" if root.is_file() else "no such run directory"
         raise SceneError(f"{root}: {what}; run the scene first")
     scene = root / "scene.toml"
+    summary = _json(root / "summary.json") if summary is None else summary
     run = RunData(
         directory=root,
-        modes=_table(root / "modes.csv", MODES),
-        samples=_table(root / "samples.csv", SAMPLES),
-        contact=_table(root / "contact.csv", CONTACT),
-        drivers=_table(root / "drivers.csv", ("approach", "sample", "parameter", "kind")),
-        driver_maps=_table(root / "drivers_contact.csv", ("approach", "sample", "element")),
+        contact=read_tables(root / CONTACT).get("contact"),
+        causes=read_tables(root / CAUSES),
         laws=_arrays(root / "laws.npz", ("d", "p", "k")),
         surface=_arrays(root / "surface.npz", SURFACE),
         maps=_arrays(root / "contact_maps.npz", ("size", "p_over_E", "pressures", "area_fraction")),
         faces=_arrays(root / "contact_faces.npz", ("corners", "facet")),
-        sweep=_tables(root, SWEEP),
-        cycles=_tables(root, LIMIT_CYCLE),
-        summary=_json(root / "summary.json"),
+        sweep=read_tables(root / SWEEP),
+        summary=summary,
         scene=scene.read_text(encoding="utf-8") if scene.is_file() else None,
     )
-    if not any((run.modes, run.samples, run.contact, run.laws, run.surface, run.maps, run.summary)):
-        raise SceneError(
-            f"{root}: contains no result of a run (modes.csv, laws.npz, surface.npz, ...)"
-        )
+    if (stored := _stored(run)) is not None:
+        run = replace(run, **_of_samples(run, stored))
+    if not any((run.stored, run.contact, run.laws, run.surface, run.maps, run.summary)):
+        what = "no result of a run (samples, laws.npz, surface.npz, ...)"
+        raise SceneError(f"{root}: contains {what}")
     return run
 
 
-def _table(path: Path, required: Sequence[str]) -> Columns | None:
-    there = path.is_file() or is_parquet(path)
-    return read_columns(path, required) if there else None
+def _stored(run: RunData) -> StoredSamples | None:
+    """The samples of a folder; None where no sample is there."""
+    store = Store(run.directory)
+    store.digest = store.known()
+    if not store.digest or not (count := _json(store.path(PREPARED))):
+        return None
+    tasks = [(name, k) for name, n in count.items() for k in range(n)]
+    settings = run.summary.get("in_effect", {})
+    threshold = run.threshold if "stability" in settings.get("stages", ("stability",)) else None
+    stored = StoredSamples(store, tasks, tabulation_of(store, tasks, threshold))
+    return stored if stored.rows["approach"] else None
 
 
-def _tables(root: Path, names: Sequence[str]) -> dict[str, Columns]:
-    found = {name: _table(root / f"{name}.csv", ()) for name in names}
-    return {name: table for name, table in found.items() if table is not None}
+def _of_samples(run: RunData, stored: StoredSamples) -> dict[str, Any]:
+    """Parts of a run that its samples tell."""
+    in_effect = run.summary.get("in_effect", {})
+    found: dict[str, Any] = {
+        "stored": stored, "samples": stored.samples, "extras": {},
+        "modes": stored.modes
+        if stored.modes.any or "stability" in in_effect.get("stages", ()) else None,
+    }  # fmt: skip
+    for extra in extras():
+        if extra.make_tables and not in_effect.keys().isdisjoint(extra.sections):
+            tables = load(extra.make_tables)(stored)
+            found["extras"] |= {name: table.columns for name, table in tables.items()}
+    drivers = driver_table(stored, run.threshold)
+    if drivers.cells:
+        maps = contact_driver_table(stored, run.threshold)
+        found |= {"drivers": drivers.columns, "driver_maps": maps.columns}
+    return found
+
+
+def save_tables(store: Store, name: str, tables: Mapping[str, Columns]) -> None:
+    """Keep columns of tables in a file of arrays.
+
+    Args:
+        store: the results folder.
+        name: of the file.
+        tables: columns by the name of their table.
+    """
+    store.save(name, **{f"{table}/{column}": values for table, columns in tables.items()
+                        for column, values in columns.items()})  # fmt: skip
+
+
+def read_tables(path: Path) -> dict[str, Columns]:
+    """Columns of ``save_tables`` by the name of their table; none without the file.
+
+    Raises:
+        SceneError: the file is damaged.
+    """
+    found: dict[str, dict[str, NDArray]] = {}
+    for name, values in (_arrays(path, ()) or {}).items():
+        table, _, column = name.partition("/")
+        found.setdefault(table, {})[column] = values
+    return dict(found)
 
 
 def _arrays(path: Path, required: Sequence[str]) -> Arrays | None:

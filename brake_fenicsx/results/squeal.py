@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .statistics import Proportion, wilson
-from .tables import MODES, TEXT, Columns
+from .tables import MODES, TEXTS, Columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -143,7 +143,7 @@ class SquealTable:
         import pandas as pd
 
         if modes is None:
-            modes = {name: np.empty(0, str if name in TEXT else float) for name in MODES}
+            modes = {name: np.empty(0, str if name in TEXTS else float) for name in MODES}
         self.threshold = threshold
         self._modes = modes
         if samples is None:

@@ -1,80 +1,113 @@
-"""The CSV tables of a run: fixed columns, exact floats, the same bytes for the same numbers.
+"""Tables of a run: fixed columns, exact floats, the same bytes for the same numbers.
 
-A float is written as ``repr`` writes it, so that reading gives the same number back; an integer has
-no point and no exponent; ``None`` is an empty cell. Lines end with a line feed on every system.
+A table is made of rows of one dataclass, whose fields are its columns; it writes its CSV file and
+gives its columns as arrays and its cells for the page and the terminal. A float is written as
+``repr`` writes it, so that reading gives the same number back; an integer has no point and no
+exponent; ``None`` is an empty cell. Lines end with a line feed on every system.
 """
 
 from __future__ import annotations
 
-import csv
-import os
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from brake_fenicsx.errors import SceneError
-
-from .columns import csv_rows, is_parquet, parquet_of, read_parquet
+from .columns import csv_rows
 
 Value = str | int | float | None
 Columns = Mapping[str, Any]
 
 MODES = (
-    "approach",
-    "sample",
-    "mode",
-    "frequency_hz",
-    "real_1_s",
-    "damping",
-    "residual",
-    "error_estimate",
-    "condition",
-    "verdict",
-    "family",
-)
+    "approach", "sample", "mode", "frequency_hz", "real_1_s", "damping", "residual",
+    "error_estimate", "condition", "verdict", "family",
+)  # fmt: skip
 SAMPLES = ("approach", "sample", "status", "seed")
-CONTACT = (
-    "approach",
-    "sample",
-    "element",
-    "x",
-    "y",
-    "z",
-    "area",
-    "g",
-    "g_cr",
-    "p",
-    "k",
-    "k_vibration",
-    "law",
-)
-TEXT = frozenset(
-    {
-        "approach",
-        "status",
-        "verdict",
-        "stage",
-        "quantity",
-        "most_severe",
-        "counted_by",
-        "complete",
-        "kind",
-        "parameter",
-        "outcome",
-    }
-)
+TEXTS = ("approach", "status", "complete", "verdict")  # columns of texts of these two
 
 _PLAIN = {str, int, float, type(None)}
-_INTEGER = re.compile(r"[+-]?\d+")
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A row of a table; the fields of a subclass are its columns."""
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(f.name for f in fields(cls))
+
+    @classmethod
+    def of(cls, *cells: Any) -> Self:
+        """A row of the values of its columns."""
+        return cls(*cells)  # type: ignore[call-arg, unused-ignore]
+
+
+class RowTable:
+    """Rows of one kind.
+
+    Attributes:
+        names: names of the columns.
+        cells: values of each row, in the order of the columns.
+    """
+
+    def __init__(
+        self, names: Sequence[str], cells: Iterable[Sequence[Value]], texts: Iterable[str] = ()
+    ):
+        """Collect the rows of a table whose columns depend on the scene.
+
+        Args:
+            names: names of the columns.
+            cells: values of each row.
+            texts: columns of texts, which an empty table does not tell.
+        """
+        self.names, self.cells = tuple(names), [[*row] for row in cells]
+        self._texts = frozenset(texts)
+
+    @classmethod
+    def of(cls, kind: type[Row], rows: Iterable[Row], without: Sequence[str] = ()) -> RowTable:
+        """A table of rows of one class.
+
+        Args:
+            kind: their class.
+            rows: the rows.
+            without: columns that this table does not have.
+        """
+        names = [name for name in kind.names() if name not in without]
+        cells = ([getattr(row, name) for name in names] for row in rows)
+        return cls(names, cells, (f.name for f in fields(kind) if str(f.type).startswith("str")))
+
+    @property
+    def columns(self) -> dict[str, NDArray]:
+        """Arrays by name, shape (rows,); an empty cell is nan, or "" among texts."""
+        values = zip(*self.cells, strict=True) if self.cells else [()] * len(self.names)
+        pairs = zip(self.names, values, strict=True)
+        return {name: as_array(own, name in self._texts) for name, own in pairs}
+
+    def write(self, path: str | Path) -> Path:
+        """Write the CSV file; returns its path."""
+        return write_rows(path, self.names, self.cells)
+
+
+def as_array(values: Sequence[Value], text: bool = False) -> NDArray:
+    """Values of a column as an array, shape (rows,).
+
+    Args:
+        values: of the rows; None of an empty cell becomes nan, or "" among texts.
+        text: whether the column is one of texts, which its values do not tell if there are none.
+    """
+    if text or any(isinstance(v, str) for v in values):
+        return np.array(["" if v is None else str(v) for v in values], dtype=str)
+    whole = bool(values) and all(isinstance(v, int) for v in values)
+    kind = np.uint64 if whole and max(values) >= 2**63 else None  # type: ignore[type-var, operator]
+    return np.array([np.nan if v is None else v for v in values], kind)
 
 
 def write_rows(
-    path: str | Path,
-    columns: Sequence[str],
-    rows: Iterable[Sequence[Value] | Mapping[str, Value]],
+    path: str | Path, columns: Sequence[str], rows: Iterable[Sequence[Value] | Mapping[str, Value]]
 ) -> Path:
     """Write a table at once: the file appears complete or not at all.
 
@@ -100,72 +133,6 @@ def rows_of(table: Columns, which: Any) -> Columns:
         which: mask, numbers or slice of the rows.
     """
     return {name: column[which] for name, column in table.items()}
-
-
-def read_rows(path: str | Path) -> list[dict[str, Value]]:
-    """Read a table written by `write_rows`.
-
-    Args:
-        path: the CSV file.
-
-    Returns:
-        One mapping per row, with text in the columns of names and int, float or None in the others.
-
-    Raises:
-        SceneError: the file is missing, has no heading or has a row of another length.
-    """
-    lines = _lines(Path(path))
-    heading = next(lines)
-    return [
-        {name: _parse(name, cell) for name, cell in zip(heading, row, strict=True)} for row in lines
-    ]
-
-
-def read_columns(path: str | Path, required: Sequence[str] = ()) -> Columns:
-    """Read a table as one array per column.
-
-    Args:
-        path: the CSV file; a Parquet file beside it is read instead where pyarrow is there.
-        required: columns that must be there.
-
-    Returns:
-        Arrays of shape (n_rows,) by name, of whole numbers, float64 (None becomes nan) or str; of a
-        Parquet file read when they are asked for.
-
-    Raises:
-        SceneError: the file or a required column is missing.
-    """
-    import pandas as pd
-
-    path = Path(path)
-    if is_parquet(path):
-        table = read_parquet(parquet_of(path))
-        _require(parquet_of(path), [*table], required)
-        return table
-    lines = _lines(path)
-    heading = next(lines)
-    _require(path, heading, required)
-    if not sum(1 for _ in lines):
-        return {name: np.empty(0, str if name in TEXT else int) for name in heading}
-    numbers = [name for name in heading if name not in TEXT]
-    table = pd.read_csv(
-        path, dtype=dict.fromkeys(TEXT.intersection(heading), str), keep_default_na=False,
-        na_values={name: ["", "nan"] for name in numbers}, float_precision="round_trip",
-        low_memory=False,
-    )  # fmt: skip
-    return {
-        name: column.fillna("").to_numpy(str) if column.dtype.kind == "O" else column.to_numpy()
-        for name, column in table.items()
-    }
-
-
-def _require(path: Path, heading: Sequence[str], required: Sequence[str]) -> None:
-    """Refuse a table that lacks a column."""
-    if missing := [name for name in required if name not in heading]:
-        raise SceneError(
-            f"{path}: column {', '.join(missing)} is missing; the heading is"
-            f" {','.join(heading)}: run the scene again to write it"
-        )
 
 
 def text_table(columns: Sequence[str], rows: Iterable[Sequence[Value]]) -> str:
@@ -232,43 +199,3 @@ def _format(value: Value | np.generic) -> str:
     if isinstance(value, float | np.floating):
         return repr(float(value))
     raise TypeError(f"a table contains text, int, float or None, not {type(value).__name__}")
-
-
-def _lines(path: Path) -> Iterator[list[str]]:
-    """The heading, then every row that is not empty, each of the same length."""
-    if not path.is_file():
-        raise SceneError(f"{path}: no such table; run the scene first")
-    if path.stat().st_size:
-        with path.open("rb") as raw:
-            raw.seek(-1, os.SEEK_END)
-            if raw.read() != b"\n":
-                raise SceneError(
-                    f"{path}: the last line has no end; the file was cut or edited: run the scene"
-                    " again"
-                )
-    with path.open(newline="", encoding="utf-8") as file:
-        lines = (row for row in csv.reader(file) if row)
-        heading = next(lines, None)
-        if heading is None:
-            raise SceneError(f"{path}: the table is empty, not even a heading; run the scene again")
-        yield heading
-        for number, row in enumerate(lines, start=2):
-            if len(row) != len(heading):
-                raise SceneError(
-                    f"{path}: line {number}: {len(row)} cells under {len(heading)} headings; "
-                    "the file was cut or edited: run the scene again"
-                )
-            yield row
-
-
-def _parse(name: str, cell: str) -> Value:
-    if name in TEXT:
-        return cell
-    if cell == "":
-        return None
-    if _INTEGER.fullmatch(cell):
-        return int(cell)
-    try:
-        return float(cell)
-    except ValueError:
-        return cell

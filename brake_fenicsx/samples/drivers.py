@@ -45,7 +45,7 @@ from .models import Models
 from .solve import linearised
 
 if TYPE_CHECKING:
-    from .sampling import Sample
+    from .sampling import SampleInput
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -83,7 +83,7 @@ class Drivers:
 
     def of(
         self,
-        sample: Sample,
+        sample: SampleInput,
         eq: Equilibrium,
         first: bool,
         modes: Modes,
@@ -131,7 +131,7 @@ class Drivers:
 
     def _found(
         self,
-        sample: Sample,
+        sample: SampleInput,
         eq: Equilibrium,
         first: bool,
         modes: Modes,
@@ -167,17 +167,17 @@ class Drivers:
         return table, maps, np.max(errors, axis=0)
 
     def _whole_motions(
-        self, sample: Sample, eq: Equilibrium, s: Complex, vectors: tuple[Complex, Complex]
+        self, sample: SampleInput, eq: Equilibrium, s: Complex, vectors: tuple[Complex, Complex]
     ) -> ContactMotions:
         b, brake = sample.brake.contact, sample.brake
-        pencil = QuadraticPencil(brake.M, brake.C(sample.friction, eq.p), brake.brake.K)
+        pencil = QuadraticPencil(brake.M, brake.C(sample.friction, eq.p), brake.reference.K)
         rows = {"N": b.N, "T": b.T, "R": b.R}
         return motions_of_vectors(rows, s, *vectors, slope_of(pencil, s, *vectors))
 
     def _contact(
         self,
         table: _Table,
-        sample: Sample,
+        sample: SampleInput,
         eq: Equilibrium,
         d: ContactDerivatives,
         reduced: bool,
@@ -215,7 +215,7 @@ class Drivers:
     def _bodies(
         self,
         table: _Table,
-        sample: Sample,
+        sample: SampleInput,
         eq: Equilibrium,
         s: Complex,
         vectors: tuple[Complex, ...],
@@ -231,7 +231,7 @@ class Drivers:
     def _length(
         self,
         name: str,
-        sample: Sample,
+        sample: SampleInput,
         eq: Equilibrium,
         s: Complex,
         vectors: tuple[Complex, ...],
@@ -247,7 +247,7 @@ class Drivers:
             out += (change if C is None else change + s * bilinear(C, *vectors)) / (2 * step)
         return out
 
-    def _loads(self, sample: Sample, reduced: bool, bodies: BodyOperators) -> Sequence[Array]:
+    def _loads(self, sample: SampleInput, reduced: bool, bodies: BodyOperators) -> Sequence[Array]:
         """Gaps under each load of the sample alone, in the order of the faces."""
         sizes, out = sample.brake.pressures, list[Array]()
         for alone in np.diag(sizes)[:-1]:

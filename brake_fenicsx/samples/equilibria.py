@@ -27,7 +27,7 @@ from brake_fenicsx.macro.solver import Factor
 from .models import Models
 
 if TYPE_CHECKING:
-    from .sampling import Sample
+    from .sampling import SampleInput
 
 Array = NDArray[np.float64]
 
@@ -46,8 +46,10 @@ class Equilibria:
     steps: int
     tolerance: float
 
-    def of(self, sample: Sample, reduced: bool = False, start: Array | None = None) -> Equilibrium:
-        """Equilibrium of a sample.
+    def of(
+        self, sample: SampleInput, reduced: bool = False, start: Array | None = None
+    ) -> tuple[SampleInput, Equilibrium]:
+        """Equilibrium of a sample, and the sample with laws that are known at its pressures.
 
         Args:
             sample: the sample.
@@ -58,6 +60,15 @@ class Equilibria:
             NotConverged: neither the full load at once nor the scene's ramp converges, nor is
                 there an equilibrium that can be followed from the one without friction.
         """
+        while True:
+            found = self._with(sample, reduced, start)
+            laws = sample.laws.up_to(found.p)
+            if laws is sample.laws:
+                return sample, found
+            sample = replace(sample, laws=laws)
+
+    def _with(self, sample: SampleInput, reduced: bool, start: Array | None) -> Equilibrium:
+        """Equilibrium with the laws of a sample as they are; arguments and errors as above."""
         laws, mu = sample.laws, sample.friction.equilibrium
         change = None if reduced else sample.brake.stiffness_change
         if change is not None and sample.brake.contact is self.models.brake.contact:
@@ -81,7 +92,9 @@ class Equilibria:
                 failed = error
         return raised_friction(bodies, laws, mu, failed, self.tolerance)
 
-    def bodies(self, sample: Sample, reduced: bool, sizes: Array | None = None) -> BodyOperators:
+    def bodies(
+        self, sample: SampleInput, reduced: bool, sizes: Array | None = None
+    ) -> BodyOperators:
         """The bodies of a sample under its loads.
 
         Args:
@@ -103,7 +116,9 @@ class Equilibria:
             own.factor.destroy()
         return replace(bodies, compliance=replace(own, factor=None))
 
-    def displacements(self, given: Sequence[tuple[Sample, Mapping[str, Any]]]) -> Iterator[Array]:
+    def displacements(
+        self, given: Sequence[tuple[SampleInput, Mapping[str, Any]]]
+    ) -> Iterator[Array]:
         """Displacements of stored equilibria [m], shape (dofs,) each.
 
         Args:
@@ -127,7 +142,7 @@ class Equilibria:
         for factor in shared:
             factor.destroy()
 
-    def _under_loads(self, sample: Sample, sizes: Array | None = None) -> BodyOperators:
+    def _under_loads(self, sample: SampleInput, sizes: Array | None = None) -> BodyOperators:
         """The scene's bodies under the loads of a sample; arguments as above."""
         b, sizes = sample.brake.contact, sample.brake.pressures if sizes is None else sizes
         f = self.models.brake.unit_loads @ sizes

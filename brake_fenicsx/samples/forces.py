@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -25,25 +25,34 @@ ROUND_OFF = 1e-9
 FEW = 0.01
 
 
-def forces_of_sample(scene: Scene, brake: Brake) -> Callable[[Mapping[str, Any]], Array]:
-    """What makes numbers of the forces on the pads from the arrays of a stored sample.
+def mean_friction(contact: Contact, mu: Array) -> float:
+    """Mean friction coefficient over the contact elements that slide.
+
+    Args:
+        contact: contact elements.
+        mu: friction coefficient of each, shape (elements,).
+    """
+    chosen = mu[contact.speed > 0]
+    ends = {float(chosen.min()), float(chosen.max())} if chosen.size else {0.0}
+    # The mean of equal numbers is off by round-off.
+    return float(f"{chosen.mean():.12g}") if len(ends) > 1 else ends.pop()
+
+
+def forces_of_sample(scene: Scene, contact: Contact, p: Array, mu: Array) -> Array:
+    """Numbers of the forces on the pads at an equilibrium.
 
     Args:
         scene: the scene.
-        brake: its operators.
+        contact: contact elements of the sample.
+        p: their pressures [Pa], shape (elements,).
+        mu: their friction coefficients, likewise.
 
     Returns:
-        Of a sample, shape (pads, numbers), in the order of ``force_statistics``.
+        Shape (pads, numbers), in the order of ``force_statistics``.
     """
-    motion, names = scene_motion(scene), list(scene.contact)
-    turns = isinstance(motion, Rotation)
-
-    def forces(data: Mapping[str, Any]) -> Array:
-        contact = contact_of(brake.contact, data)
-        pads = pad_forces(contact, names, motion, data["p"], np.asarray(data["mu"]))
-        return np.array([[*_numbers(pad, turns).values()] for pad in pads])
-
-    return forces
+    motion = scene_motion(scene)
+    pads = pad_forces(contact, list(scene.contact), motion, p, mu)
+    return np.array([[*_numbers(pad, isinstance(motion, Rotation)).values()] for pad in pads])
 
 
 def moved(contact: Contact) -> Array:

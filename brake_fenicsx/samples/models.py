@@ -25,7 +25,7 @@ from brake_fenicsx.scene.digest import bodies_key
 from .coordinates import SHAPES, FamilyCoordinates, layer_grams, reference_shapes
 from .numbering import FILE as DOFS
 from .numbering import Numbering
-from .reduction import Reduction
+from .reduced_models import ReducedModels
 
 if TYPE_CHECKING:
     from brake_fenicsx.stability.substructures import ReducedModel
@@ -66,7 +66,7 @@ class Models:
         """
         self._scene, self._counts = scene, counts
         self._store, self._comm, self._cache = store, comm, cache
-        self.reduction = Reduction(scene, counts, store, cache, comm)
+        self.reduction = ReducedModels(scene, counts, store, cache, comm)
         self.stability: Stability | None = self.reduction.stability
         self.facts: dict[str, Any] = {}
 

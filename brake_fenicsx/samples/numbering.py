@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.build.brake import Brake
-from brake_fenicsx.build.shapes import body_centres
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.faces import body_of_nodes
@@ -67,6 +66,17 @@ def dof_points(brake: Brake) -> NDArray:
     node, component = np.divmod(free.local, 3)
     own = np.column_stack([free.V.tabulate_dof_coordinates()[node], component])
     return np.concatenate([own, free.places[:, :4]])
+
+
+def body_centres(points: NDArray, body: NDArray[np.intp]) -> NDArray:
+    """Centre of the body of every dof [m], shape (dofs, 3).
+
+    Args:
+        points: coordinates [m] of every dof in the first three columns.
+        body: number of the body of every dof, shape (dofs,).
+    """
+    count = np.bincount(body)
+    return np.column_stack([np.bincount(body, x)[body] / count[body] for x in points[:, :3].T])
 
 
 def _bodies(brake: Brake) -> NDArray[np.intp]:

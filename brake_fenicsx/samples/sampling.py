@@ -21,7 +21,7 @@ from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import FrictionLaw
 from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.macro.friction import Coefficient, Friction
+from brake_fenicsx.macro.friction import Coefficient, SlidingFriction
 from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
 from brake_fenicsx.micro import (
     LawSteps,
@@ -51,7 +51,7 @@ PENALTY = "samples.classical.penalty"
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class SampleInput:
     """One sample, before its equilibrium is known.
 
     Attributes:
@@ -67,7 +67,7 @@ class Sample:
     seed: int
     brake: BrakeAt
     laws: EnrichedGap
-    friction: Friction
+    friction: SlidingFriction
     rejected: int = 0
 
     @property
@@ -98,7 +98,7 @@ def draw_sample(
     waviness: Waviness | None = None,
     values: Mapping[str, float] | None = None,
     laws: EnrichedGap | None = None,
-) -> Sample:
+) -> SampleInput:
     """Sample ``k`` of an approach.
 
     Args:
@@ -137,7 +137,7 @@ def draw_sample(
         streams = _streams(sample_seed(scene.samples.seed, shared))
         laws = _rough(brake, library, (hdf, waviness), (streams[0], streams[1]))
     friction = friction_of_contact(brake.contact, approach, drawn)
-    return Sample(approach, seed, brake, laws, friction, rejected)
+    return SampleInput(approach, seed, brake, laws, friction, rejected)
 
 
 def perfect_contact(penalty: float, elements: int) -> EnrichedGap:
@@ -146,7 +146,7 @@ def perfect_contact(penalty: float, elements: int) -> EnrichedGap:
     return EnrichedGap(OneLaw(linear_law(penalty)), index, np.zeros(elements))
 
 
-def friction_of_contact(contact: Contact, approach: str, values: Values) -> Friction:
+def friction_of_contact(contact: Contact, approach: str, values: Values) -> SlidingFriction:
     """Friction of contact elements at their sliding speeds.
 
     Args:
@@ -158,7 +158,7 @@ def friction_of_contact(contact: Contact, approach: str, values: Values) -> Fric
     tables = values.scene.contact.values()
     braking = np.array([t.friction_in_equilibrium for t in tables], dtype=bool)
     given = friction_law(contact, approach, values)(speed)
-    return Friction(*given, speed, braking[contact.interface])
+    return SlidingFriction(*given, speed, braking[contact.interface])
 
 
 def friction_law(contact: Contact, approach: str, values: Values) -> Coefficient:
@@ -183,7 +183,7 @@ def _rough(
     streams: tuple[np.random.Generator, np.random.Generator],
 ) -> EnrichedGap:
     """Law and critical gap of each element, the laws for the sample's modulus."""
-    contact, values, scene = brake.brake.contact, brake.values, brake.values.scene
+    contact, values, scene = brake.reference.contact, brake.values, brake.values.scene
     law_rng, gap_rng = streams
     interface = contact.interface
     parts: list[Laws] = []
@@ -215,6 +215,8 @@ def _laws(
     """Laws of one interface, and the number of each element's."""
     if isinstance(table.law, LawTable):
         return one_law(table.law), np.zeros(elements, dtype=np.intp)
+    if not isinstance(table.law, str):  # of a user's own
+        return OneLaw(table.law), np.zeros(elements, dtype=np.intp)
     if library is None:
         raise SceneError('contact.law = "library": there is no library; name the stage micro')
     return library, rng.integers(0, len(library), elements).astype(np.intp)

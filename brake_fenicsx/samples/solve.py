@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from brake_fenicsx.scene import Stability
     from brake_fenicsx.stability.substructures.line import Basis
 
-    from .sampling import Sample
+    from .sampling import SampleInput
 
 Array = NDArray[np.float64]
 Arrays = dict[str, Any]
@@ -41,7 +41,7 @@ More = tuple[str, Callable[[Modes, NDArray[np.intp], bool], Arrays]]
 
 def modes_of_sample(
     models: Models,
-    sample: Sample,
+    sample: SampleInput,
     eq: Equilibrium,
     by_reduction: bool,
     more: Sequence[More] = (),
@@ -83,7 +83,7 @@ def modes_of_sample(
 
 
 def reduced_modes(
-    models: Models, sample: Sample, eq: Equilibrium, line: Basis | None = None
+    models: Models, sample: SampleInput, eq: Equilibrium, line: Basis | None = None
 ) -> Modes:
     """Modes of a sample at its equilibrium by the reduced model.
 
@@ -99,7 +99,7 @@ def reduced_modes(
 
 
 def full_modes(
-    models: Models, sample: Sample, eq: Equilibrium, comm: MPI.Comm = MPI.COMM_SELF
+    models: Models, sample: SampleInput, eq: Equilibrium, comm: MPI.Comm = MPI.COMM_SELF
 ) -> Modes:
     """The same at full order, vectors on all dofs; shared by two processes of a communicator."""
     brake, mu, settings = sample.brake, sample.friction.mu, _settings(models)
@@ -112,7 +112,7 @@ def full_modes(
     )  # fmt: skip
 
 
-def linearised(sample: Sample, k: Array, p: Array) -> ContactLinearisation:
+def linearised(sample: SampleInput, k: Array, p: Array) -> ContactLinearisation:
     """Contact and friction of a sample at its equilibrium.
 
     Args:
@@ -126,7 +126,7 @@ def linearised(sample: Sample, k: Array, p: Array) -> ContactLinearisation:
 
 def displacements(
     models: Models,
-    modes: Sequence[tuple[Sample, Mapping[str, Any], NDArray[np.intp]]],
+    modes: Sequence[tuple[SampleInput, Mapping[str, Any], NDArray[np.intp]]],
     comm: MPI.Comm,
     aside: int = 0,
 ) -> list[tuple[NDArray[np.complex128], Array]]:
@@ -168,7 +168,7 @@ def _settings(models: Models) -> Stability:
 
 
 def _full(
-    models: Models, sample: Sample, eq: Equilibrium, more: Sequence[More] = (),
+    models: Models, sample: SampleInput, eq: Equilibrium, more: Sequence[More] = (),
     comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Arrays:  # fmt: skip
     """Modes at full order."""

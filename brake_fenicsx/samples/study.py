@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
+from brake_fenicsx.extensions import beside_samples, load
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
@@ -29,13 +30,12 @@ from brake_fenicsx.surface.waviness import Waviness
 
 from .ensemble import run_ensemble
 from .equilibria import Equilibria
-from .forces import moved
+from .forces import forces_of_sample, mean_friction, moved
 from .inputs import PERFECT, note_laws, points_of
 from .models import Models
-from .sampling import Sample, draw_sample, sample_count, sample_seed
+from .sampling import SampleInput, draw_sample, sample_count, sample_seed
 
 if TYPE_CHECKING:
-    from brake_fenicsx.extras.limit_cycle.cycles import Cycles
     from brake_fenicsx.macro.equilibrium import Equilibrium
     from brake_fenicsx.stability.modes import Modes
     from brake_fenicsx.stability.substructures.line import Basis
@@ -99,7 +99,7 @@ class Study:
         self.families: NDArray[np.complex128] | None = None
         self.squealing: list[int] = []
         self.drivers: Drivers | None = None
-        self.cycles: Cycles | None = None
+        self.beside: dict[str, Any] = {}  # what extras compute -> the work
         reduced = self.models.reduction.by_reduction
         self.verified: str = next((name for name in approaches if reduced[name]), "")
         self.verify: list[Task] = []
@@ -123,10 +123,9 @@ class Study:
             from .drivers import Drivers
 
             self.drivers = Drivers(self.scene, models, self.equilibria)
-        if models.stability is not None and self.scene.limit_cycle is not None:
-            from brake_fenicsx.extras.limit_cycle.cycles import Cycles
-
-            self.cycles = Cycles(self.scene, models)
+        if models.stability is not None:
+            works = beside_samples(self.scene)
+            self.beside = {what: load(name)(self.scene, models) for what, name in works.items()}
 
     def _reference_laws(self) -> EnrichedGap:
         """Laws of the first sample that can be drawn, of rough contact if there is any."""
@@ -172,7 +171,9 @@ class Study:
             sample = self.sample((self.verified if approach == VERIFY else approach, k))
             names = sorted(sample.values)
             known |= {
-                "mu": sample.friction.mu, "random_names": np.array(names, dtype=str),
+                "mu": sample.friction.mu,
+                "mean_mu": mean_friction(self.brake.contact, sample.friction.mu),
+                "random_names": np.array(names, dtype=str),
                 "random": np.array([sample.values[n] for n in names]),
             }  # fmt: skip
             if sample.values:
@@ -198,12 +199,12 @@ class Study:
             return InaccurateResult(f"verification at full order: {error}")
         return None
 
-    def _solved(self, task: Task, sample: Sample, comm: MPI.Comm) -> dict[str, Any]:
+    def _solved(self, task: Task, sample: SampleInput, comm: MPI.Comm) -> dict[str, Any]:
         """Equilibrium and modes of a sample by its inputs; arguments as above."""
         k, models, own = task[1], self.models, task[0] != VERIFY
         reduced = own and models.reduction.takes(sample)
         start = self._first_gaps(sample.approach) if k and reduced else None
-        eq = self.balance(sample, reduced, start)
+        sample, eq = self._prepared.of(sample, reduced, start)
         out: dict[str, Any] = {
             "mu_equilibrium": sample.friction.equilibrium,
             "g": eq.g, "g_cr": sample.laws.g_cr, "p": eq.p, "k": eq.k,
@@ -215,14 +216,15 @@ class Study:
         out["beyond_laws"] = sample.laws.beyond(eq.p, contact.w)
         if contact is not self.brake.contact:
             out["moved"] = moved(contact)
+        out["forces"] = forces_of_sample(self.scene, contact, eq.p, sample.friction.mu)
         if models.stability is not None:
             from .solve import modes_of_sample
 
             more: list[More] = []
             if self.drivers is not None and own and comm.rank == 0:
                 more.append(("drivers", partial(self.drivers.of, sample, eq, k == 0)))
-            if self.cycles is not None and own and comm.rank == 0:
-                more.append(("limit cycles", partial(self.cycles.of, sample, eq)))
+            extras = self.beside.items() if own and comm.rank == 0 else ()
+            more += [(what, partial(work.of, sample, eq)) for what, work in extras]
             out |= modes_of_sample(models, sample, eq, reduced, more, comm)
         return out
 
@@ -267,7 +269,7 @@ class Study:
                 )
         sample = self.sample(task, values)
         reduced = models.reduction.takes(sample)
-        eq = self.balance(sample, reduced, start)
+        sample, eq = self._prepared.of(sample, reduced, start)
         if reduced:
             return eq, reduced_modes(models, sample, eq, line)
         modes = full_modes(models, sample, eq)
@@ -276,14 +278,12 @@ class Study:
             raise ValueError("prepare() made no coordinates")
         return eq, replace(modes, right=right, left=left)
 
-    def limit_cycles(self, task: Task, values: Mapping[str, float]) -> dict[str, Any]:
-        """Limit cycles of a sample, see ``cycles_of_modes``; arguments as in ``solved``."""
-        if self.cycles is None:
-            raise ValueError("a scene without [limit_cycle]")
+    def work_beside(self, what: str, task: Task, values: Mapping[str, float]) -> dict[str, Any]:
+        """What an extra computes beside the modes of a sample; arguments as in ``solved``."""
         eq, modes = self.solved(task, values)
         sample = self.sample(task, values)
         reduced = self.models.reduction.takes(sample)
-        return self.cycles.of(sample, eq, modes, np.arange(len(modes)), reduced)
+        return self.beside[what].of(sample, eq, modes, np.arange(len(modes)), reduced)
 
     def displacements(self, stored: Mapping[Task, Mapping[str, Any]]) -> dict[Task, Array]:
         """Displacements of the equilibria of stored samples [m], shape (dofs,) each; kept."""
@@ -299,7 +299,7 @@ class Study:
             raise ValueError("prepare() comes first")
         return self.equilibria
 
-    def sample(self, task: Task, values: Mapping[str, float] | None = None) -> Sample:
+    def sample(self, task: Task, values: Mapping[str, float] | None = None) -> SampleInput:
         """A sample with its brake, laws and friction, before its equilibrium.
 
         Args:
@@ -319,10 +319,10 @@ class Study:
         return drawn
 
     def balance(
-        self, sample: Sample, reduced: bool = False, start: Array | None = None
+        self, sample: SampleInput, reduced: bool = False, start: Array | None = None
     ) -> Equilibrium:
         """Braking equilibrium of a sample; see ``Equilibria.of``."""
-        return self._prepared.of(sample, reduced, start)
+        return self._prepared.of(sample, reduced, start)[1]
 
     def stored(self, task: Task) -> dict[str, Any]:
         """What was stored of a sample."""

@@ -5,11 +5,11 @@ from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.parts import BUILDERS, Part
 from brake_fenicsx.scene.read import read_scene
 from brake_fenicsx.scene.samples import Classical, Design, Distribution, Samples
-from brake_fenicsx.scene.sections import STAGES, MaterialTable, Scene, Stability
+from brake_fenicsx.scene.sections import STAGES, MaterialTable, Scene, Stability, scene_type
 from brake_fenicsx.scene.surface import Micro, Statistics, Surface
 
 __all__ = [
     "BUILDERS", "STAGES", "Classical", "ContactTable", "Design", "Distribution", "Friction",
     "LawTable", "MaterialTable", "MeshTable", "Micro", "Part", "Samples", "Scene", "Stability",
-    "Statistics", "Surface", "read_scene",
+    "Statistics", "Surface", "read_scene", "scene_type",
 ]  # fmt: skip

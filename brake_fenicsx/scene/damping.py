@@ -1,6 +1,6 @@
 """[stability.damping]: the damping terms of a scene, each only where it is named.
 
-Their signs and derivations are in ``stability.damping`` and ``stability.gyroscopic``.
+Their signs and derivations are in ``stability.damping_matrices``.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extensions import beside_samples
 from brake_fenicsx.scene.friction import depends_on_speed, one_friction, rubs, slides
 from brake_fenicsx.scene.tables import dotted, key, shown
 from brake_fenicsx.scene.units import to_si
@@ -139,7 +140,7 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
 
     One serves all approaches whose samples something damps, and one all others. A sample alone
     does not pay for a reduced model, but takes that of other approaches; a sweep, and what only a
-    reduced model has (damping ratios, limit cycles), pay for all.
+    reduced model has (damping ratios, what extras compute beside samples), pay for all.
 
     Args:
         scene: the scene.
@@ -150,7 +151,7 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
         return set()
     damped = {name: bool(active_terms(scene, name)) for name in counts}
     modal = bool(scene.damping and scene.damping.modal)
-    asked = bool(scene.sweep or modal or scene.limit_cycle)
+    asked = bool(scene.sweep or modal or beside_samples(scene))
     paid = {damped[name] for name, count in counts.items() if count > 1 or asked}
     return {name for name in counts if damped[name] in paid}
 

@@ -8,6 +8,7 @@ from dataclasses import fields
 from typing import Any
 
 from brake_fenicsx import __version__
+from brake_fenicsx.extensions import beside_samples, extras
 from brake_fenicsx.folder.files import digest
 from brake_fenicsx.scene import LawTable, Scene
 from brake_fenicsx.scene.scalars import changes_bodies
@@ -15,8 +16,9 @@ from brake_fenicsx.scene.scalars import changes_bodies
 # Format of laws and samples on disk: what older programs wrote is not read as current.
 FORMAT = 4
 
-# Sections whose numbers change no result of a sample, or of which only some do.
-NO_RESULT = ("stages", "samples", "sweep", "countermeasures")
+# Sections whose numbers change no result of a sample, or of which only some do; with those of
+# extras that compute nothing beside samples.
+NO_RESULT = ("stages", "samples", "sweep", "extensions")
 
 # Keys of an interface that mesh, matrices and contact elements do not depend on.
 _LAWS = ("law", "gap", "friction", "friction_in_equilibrium")
@@ -26,15 +28,18 @@ def result_digest(scene: Scene) -> str:
     """Hash of all that the results of a sample depend on."""
     left_out = ("n", "approaches", "limit")
     samples = {k: v for k, v in scene.table.get("samples", {}).items() if k not in left_out}
-    table = {k: v for k, v in scene.table.items() if k not in NO_RESULT}
-    # What counts as squeal changes no result of a sample but the modes that limit cycles follow.
-    if "stability" in table and scene.limit_cycle is None:
+    aside = {*NO_RESULT, *(key for e in extras() if not e.samples for key in e.sections)}
+    table = {k: v for k, v in scene.table.items() if k not in aside}
+    # What counts as squeal changes no result of a sample but what extras make of modes that squeal.
+    if "stability" in table and not beside_samples(scene):
         table["stability"] = {k: v for k, v in table["stability"].items() if k != "threshold"}
     # The reduced model of all samples reaches over the values of a sweep that changes the bodies.
     swept = scene.sweep.parameters if scene.sweep else {}
     if changing := {k: r.points for k, r in swept.items() if changes_bodies(scene, k)}:
         table["sweep"] = changing
     content = {**table, "samples": samples, "files": file_digests(scene), "format": FORMAT}
+    if scene.own.marks:
+        content["extensions"] = scene.own.marks
     s = scene.samples
     # The points of a design belong together; parametric and joint take the inputs from multi-scale.
     whole = [s.plan(a) for a in s.approaches if s.takes_random(a) and not s.plan(a).grows]
@@ -43,7 +48,8 @@ def result_digest(scene: Scene) -> str:
         content["designs"] = [[p.n, p.design, p.curves, *crossed[p]] for p in whole]
     if s.random and {"parametric", "joint"} & {*s.approaches}:
         content["multi-scale"] = "roughness alone"
-    if measured := {name: d.digest for name, d in s.random.items() if d.digest}:
+    digests = {name: getattr(d, "digest", "") for name, d in s.random.items()}
+    if measured := {name: text for name, text in digests.items() if text}:
         content["measured"] = measured
     laws = {n: c.law.steps for n, c in scene.contact.items() if isinstance(c.law, LawTable)}
     if laws := {n: steps for n, steps in laws.items() if steps}:
@@ -66,6 +72,8 @@ def bodies_key(scene: Scene) -> dict[str, Any]:
         for face, load in sorted(scene.loads.items())
     ]
     out["motion"] = {k: v for k, v in scene.table.get("motion", {}).items() if k != "speed"}
+    if scene.own.marks:
+        out["extensions"] = scene.own.marks
     out["files"] = _files(scene, "mesh.", "parts.")
     versions = (getattr(sys.modules.get(name), "__version__", "") for name in ("dolfinx", "gmsh"))
     return {**out, "versions": [__version__, *map(str, versions)]}

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.scene import Scene
 
 # What is no setting.
-_OTHER = ("file", "table")
+_OTHER = ("file", "table", "own")
 
 
 def in_effect(scene: Scene) -> dict[str, Any]:
@@ -32,7 +33,9 @@ def _plain(value: Any) -> Any:
         return {str(k): v for k, v in ((k, _plain(v)) for k, v in value.items()) if _said(v)}
     if isinstance(value, list | tuple):
         return [_plain(v) for v in value]
-    return value if isinstance(value, str | int | float | bool | None) else str(value)
+    if isinstance(value, str | int | float | bool | None):
+        return value
+    return str(value) if isinstance(value, Path) else type(value).__name__
 
 
 def _said(value: Any) -> bool:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, Union
 
 from pydantic import BeforeValidator, Discriminator, Tag
@@ -148,6 +150,11 @@ def builder_class(name: str) -> Any:
     return getattr(importlib.import_module(f"brake_fenicsx.geometry.{name}"), BUILDERS[name])
 
 
+def builder_module(part: Part) -> Any:
+    """Module of a part's builder: that of the dataclass of its parameters."""
+    return sys.modules[type(part.parameters).__module__]
+
+
 def length_key(name: str) -> tuple[str, str]:
     """Part and key: of "parts.PART.lining", "parts.PART.layers.LAYER" or "....morph.NAME.value"."""
     _, part, last = name.split(".", 2)
@@ -179,7 +186,7 @@ def layers_of_thickness(part: Part, name: str) -> tuple[str, ...]:
     if part.builder is None:
         layer = name.removeprefix(FILE_LAYER)
         return (layer,) if layer in part.layers and layer != name else ()
-    module = importlib.import_module(f"brake_fenicsx.geometry.{part.builder}")
+    module = builder_module(part)
     named: dict[str, tuple[str, ...]] = {}
     if hasattr(module, "thicknesses"):
         named = module.thicknesses(part.parameters)
@@ -199,10 +206,7 @@ def moved_planes(part: Part, name: str) -> tuple[list[float], list[float]] | Non
     """
     if part.builder is None:
         return None
-    module, table = (
-        importlib.import_module(f"brake_fenicsx.geometry.{part.builder}"),
-        part.parameters,
-    )
+    module, table = builder_module(part), part.parameters
     moves = name in getattr(module, "HEIGHTS", ()) or layers_of_thickness(part, name)
     if not moves or not hasattr(module, "levels") or not getattr(table, name):
         return None
@@ -226,7 +230,7 @@ def moved_sideways(part: Part, name: str) -> Callable[[Any], Any] | None:
     """
     if part.builder is None or not getattr(part.parameters, name, None):
         return None
-    module = importlib.import_module(f"brake_fenicsx.geometry.{part.builder}")
+    module = builder_module(part)
     if not hasattr(module, "widths") or name not in module.widths(part.parameters):
         return None
     return lambda points: module.sideways(part.parameters, name, points)
@@ -253,33 +257,39 @@ def _part(
     return Part(builder, parameters, material, axis, **inside)
 
 
-def _checked_builder(table: Any) -> Any:
+def _checked_builder(table: Any, known: Mapping[str, Any]) -> Any:
     """Refuse what says no builder's name, and parameters without one."""
     if not isinstance(table, dict):
         raise ValueError("write a table")
     if "matrices" in table:
         return table
     builder = table.get("builder")
-    if "builder" in table and builder not in list(BUILDERS):
-        raise KeyMistake(f"use one of {', '.join(BUILDERS)}", "builder")
+    if "builder" in table and builder not in list(known):
+        raise KeyMistake(f"use one of {', '.join(known)}", "builder")
     parameters = set(table) - {f.name for cls in (PartKeys, FileKeys) for f in fields(cls)}
     if builder is None and parameters:
         raise KeyMistake("has no meaning without a builder", min(parameters))
     return {**table, "shim": 0} if table.get("shim") is False else table
 
 
-def parts_type() -> Any:
-    """Type of [parts]: one for each builder, and one for cells of the mesh file."""
+def parts_type(own: Mapping[str, Any] = MappingProxyType({})) -> Any:
+    """Type of [parts]: one for each builder, and one for cells of the mesh file.
+
+    Args:
+        own: name of a builder of a user's own -> dataclass of its parameters.
+    """
+    builders = {**{name: builder_class(name) for name in BUILDERS}, **own}
     kinds: dict[str | None, Any] = {
         None: table_type(partial(_part, None), PartKeys, FileKeys, builder=None)
     }
     kinds["matrices"] = table_type(partial(Part, None, None, ""), MatricesKeys)
-    for name in BUILDERS:
-        cls = builder_class(name)
+    for name, cls in builders.items():
         kinds[name] = table_type(partial(_part, cls), PartKeys, cls, builder=Literal[name])
     tagged = [Annotated[kind, Tag(f"({name})")] for name, kind in kinds.items()]
     choose = Discriminator(
         lambda table: f"({'matrices' if 'matrices' in table else table.get('builder')})"
     )
     union: Any = Union[tuple(tagged)]  # noqa: UP007
-    return dict[str, Annotated[union, choose, BeforeValidator(_checked_builder)]]
+    return dict[
+        str, Annotated[union, choose, BeforeValidator(partial(_checked_builder, known=builders))]
+    ]

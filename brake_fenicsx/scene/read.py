@@ -6,20 +6,22 @@ import copy
 import json
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.arguments import of_kind
 from brake_fenicsx.endings import MESH_FILES
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.extras.variants.countermeasure_keys import with_ends
+from brake_fenicsx.extensions import load, named
 from brake_fenicsx.scene.contact import with_table
 from brake_fenicsx.scene.damping import check_modal_names
+from brake_fenicsx.scene.objects import own_objects, with_objects
 from brake_fenicsx.scene.rules import check_consistent
 from brake_fenicsx.scene.samples import complete
-from brake_fenicsx.scene.sections import STAGES, Scene
+from brake_fenicsx.scene.sections import STAGES, Scene, scene_type
 from brake_fenicsx.scene.tables import dotted, key_parts, read_table, shown
 
 MAPPING = "scene (mapping)"  # in place of the path of a file
@@ -45,6 +47,8 @@ def read_scene(
     try:
         table = _toml(path) if isinstance(file, str | Path) else from_text(toml_text(file))
         of_kind("scene", table, dict, "the path of a scene, or a mapping of its keys")
+        if "allow" in (table.get("extensions") or ()):
+            raise SceneError("extensions.allow: no scene allows its own code; leave it out")
         for text in overrides:
             _override(table, text)
         return _scene(path, table)
@@ -119,23 +123,27 @@ def _override(table: dict[str, Any], text: str) -> None:
 
 def _scene(path: Path, table: dict[str, Any]) -> Scene:
     check_modal_names(table)
-    scene: Scene = read_table(Scene, table)
+    own, builders = own_objects(table, path.parent)
+    scene: Scene = read_table(scene_type(tuple(builders.items())), table)
     if scene.surface and len(scene.surface.scans) == 1:  # a list of one is that one, in hashes too
         table = {**table, "surface": {**table["surface"], "scan": scene.surface.scans[0]}}
     roughness = any(c.law == "library" or c.gap != "none" for c in scene.contact.values())
     random = {n: complete(d, n, path.parent) for n, d in scene.samples.random.items()}
     contact = {n: with_table(c, n, path.parent) for n, c in scene.contact.items()}
     scene = replace(
-        scene, contact=contact, file=path, table=table,
+        scene, contact=contact, file=path, table=table, own=own,
         stages=tuple(s for s in STAGES if s in scene.stages),
         samples=replace(scene.samples, random=random, roughness=roughness),
     )  # fmt: skip
     check_consistent(scene)
-    return with_ends(scene, lambda text: _changed(scene, text))
+    for extra in named(scene):
+        if extra.check:
+            scene = load(extra.check)(scene, partial(_changed, scene, extra.sections))
+    return with_objects(scene, own)
 
 
-def _changed(scene: Scene, text: str) -> Scene:
-    """A scene without countermeasures after a replacement "key=value"."""
-    table = {k: v for k, v in copy.deepcopy(scene.table).items() if k != "countermeasures"}
+def _changed(scene: Scene, sections: Iterable[str], text: str) -> Scene:
+    """A scene without some sections after a replacement "key=value"."""
+    table = {k: v for k, v in copy.deepcopy(scene.table).items() if k not in {*sections}}
     _override(table, text)
     return _scene(scene.file, table)

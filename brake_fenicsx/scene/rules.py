@@ -44,7 +44,7 @@ def check_consistent(s: Scene) -> None:
     """
     rules = (
         _names, _stages, surface_mistakes, _parts, contact_mistakes, face_mistakes, _motion,
-        damping_mistakes, _varied, sweep_mistakes, _approaches, _limit_cycle,
+        damping_mistakes, _varied, sweep_mistakes, _approaches,
     )  # fmt: skip
     for rule in rules:
         for text in rule(s):
@@ -154,9 +154,3 @@ def _approaches(s: Scene) -> Iterator[str]:
                 f"samples.{name}: without the stage uncertainty there is one sample; add it to"
                 f" stages, or leave samples.{name} out"
             )
-
-
-def _limit_cycle(s: Scene) -> Iterator[str]:
-    """Limit cycles are those of the reduced model."""
-    if s.limit_cycle and (s.stability is None or s.stability.method != "reduced"):
-        yield 'limit_cycle: needs [stability] with method = "reduced"'

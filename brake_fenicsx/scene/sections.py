@@ -12,15 +12,17 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, is_dataclass, make_dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
-from brake_fenicsx.extras.variants.countermeasure_keys import Countermeasure
+from brake_fenicsx.extensions import Extensions, extras, load
 from brake_fenicsx.scene.contact import ContactTable
 from brake_fenicsx.scene.damping import Damping
 from brake_fenicsx.scene.faces import AddedMass, Load, Spring, Tie, supports_type
 from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.own import ExtensionsTable
 from brake_fenicsx.scene.parts import Part, parts_type
 from brake_fenicsx.scene.samples import Samples
 from brake_fenicsx.scene.surface import Micro, Surface
@@ -198,42 +200,14 @@ class Stability:
 
 
 @dataclass(frozen=True, slots=True)
-class LimitCycle:
-    """[limit_cycle]: the amplitude at which a mode stops growing ([page](limit_cycle.md)).
-
-    Attributes:
-        harmonics: harmonics of the vibration beside its mean.
-        points: points of time over a period, more than twice the harmonics.
-        largest: amplitude at which a mode is followed no further, root mean square of the gap's
-            first harmonic over the closed patches.
-        damping_below: modes whose damping -2 alpha / |omega| lies below this are followed; 0: those
-            that grow beyond ``stability.threshold``. Stable modes may grow from a kick.
-        radiating: faces whose motion and sound are stated; those of the disc if not given.
-    """
-
-    harmonics: int = key(default=5)
-    points: int = key(default=32)
-    largest: float = key("m", default=20e-6, band=(1e-9, 1e-3))
-    damping_below: float = key(default=0.0, sign="zero")
-    radiating: tuple[str, ...] = key(default=())
-
-    def contradictions(self) -> Iterator[str]:
-        """Points of time tell the harmonics apart."""
-        if self.points <= 2 * self.harmonics:
-            yield (
-                f".points = {self.points}: more than twice limit_cycle.harmonics ="
-                f" {self.harmonics} are needed; 6 times as many or more see patches open"
-            )
-
-
-@dataclass(frozen=True, slots=True)
 class Scene:
-    """A checked scene.
+    """A checked scene, without the sections of extras (``scene_type``).
 
     Attributes:
         stages: stages to run, in order.
         file: the TOML file.
         table: its content with the overrides of the command line.
+        own: objects of its section [extensions].
     """
 
     stages: tuple[str, ...] = key(default=(), choices=STAGES)
@@ -253,12 +227,12 @@ class Scene:
     motion: Motion | None = None
     equilibrium: EquilibriumTable = field(default_factory=EquilibriumTable)
     stability: Stability | None = None
-    limit_cycle: LimitCycle | None = None
     samples: Samples = field(default_factory=Samples)
     sweep: Sweep | None = None
-    countermeasures: tuple[Countermeasure, ...] = ()
+    extensions: ExtensionsTable | None = None
     file: Path = key(default=Path(), internal=True)  # noqa: RUF009
     table: dict[str, Any] = field(default_factory=dict, metadata={"internal": True})
+    own: Extensions = field(default_factory=Extensions, metadata={"internal": True})
 
     @property
     def damping(self) -> Damping | None:
@@ -270,6 +244,10 @@ class Scene:
         """Dotted keys of the scalars that are random or swept."""
         return sorted({*self.samples.random, *(self.sweep.parameters if self.sweep else ())})
 
+    def section(self, name: str) -> Any:
+        """A section of an extra; None where neither the scene nor the program has it."""
+        return getattr(self, name, None)
+
     def path(self, name: str) -> Path:
         """A file named in the scene, relative to the scene's folder."""
         return self.file.parent / os.path.expanduser(name)
@@ -278,3 +256,20 @@ class Scene:
         """Name of an approach to a person: "multi-scale" is said of rough contact alone."""
         rough = any(c.law == "library" or c.gap != "none" for c in self.contact.values())
         return approach if rough or approach != "multi-scale" else "smooth contact"
+
+
+@cache
+def scene_type(builders: tuple[tuple[str, Any], ...] = ()) -> type[Scene]:
+    """``Scene`` with the sections of all extras as further fields; None or empty if not named.
+
+    Args:
+        builders: names and dataclasses of builders of a user's own.
+    """
+    about = {"type": partial(parts_type, dict(builders))}
+    parts = field(default_factory=dict, metadata=about)
+    more: list[tuple[str, Any, Any]] = [("parts", dict[str, Part], parts)]
+    for key_, name in ((k, n) for extra in extras() for k, n in extra.sections.items()):
+        hint = load(name)
+        one = is_dataclass(hint)
+        more.append((key_, hint | None if one else hint, field(default=None if one else ())))
+    return make_dataclass("Scene", more, bases=(Scene,), frozen=True, slots=True)

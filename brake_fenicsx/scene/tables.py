@@ -35,6 +35,7 @@ from pydantic import Field as Key
 from typing_extensions import TypedDict
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extensions import absent
 from brake_fenicsx.scene.units import DIMENSIONS, to_si, with_unit
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -310,6 +311,8 @@ def _known(table: Any, names: tuple[str, ...]) -> Any:
         if name not in names:
             gone = f"; version 0.2 had it: {GONE[name]}" if name in GONE else ""
             known = f"; known: {', '.join(sorted(names))}"
+            if extra := absent(name):
+                raise KeyMistake(extra, name)
             hint = gone or _elsewhere(name) or _similar(name, names) or known
             raise KeyMistake(f"unknown key{hint}", name)
     return table
@@ -317,11 +320,11 @@ def _known(table: Any, names: tuple[str, ...]) -> Any:
 
 def _elsewhere(name: str) -> str:
     """The sections that have this key, if it is a key of others."""
-    from .sections import Scene
+    from .sections import scene_type
 
     homes = [
         f"[{section}.NAME]" if typing.get_origin(hint) is dict else f"[{section}]"
-        for section, hint in typing.get_type_hints(Scene).items()
+        for section, hint in typing.get_type_hints(scene_type()).items()
         for cls in (hint, *typing.get_args(hint))
         if is_dataclass(cls) and name in cls.__dataclass_fields__
     ]

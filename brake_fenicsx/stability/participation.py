@@ -19,6 +19,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.mac import mac
 
 from .modes import Complex
 
@@ -107,12 +108,12 @@ def damped_partners(
         mode names it, or no other mode is alike (one that falling friction alone drives).
     """
     partner = np.full(s.size, -1)
-    size = np.sqrt(np.einsum("im,im->m", phi.conj(), M @ phi).real)
+    image = M @ phi
     for i in np.flatnonzero(unstable & (s.imag != 0)):
         near = np.abs(s.imag - s[i].imag) <= NEAR * abs(s[i])
         near[i] = False
-        # (conj phi_i)^H M phi_j = phi_i' M phi_j
-        likeness = np.where(near, np.abs((M @ phi[:, i]) @ phi) / (size[i] * size), 0.0) ** 2
+        mirrored, its_image = phi[:, [i]].conj(), image[:, [i]].conj()
+        likeness = np.where(near, mac(mirrored, phi, its_image, image)[0].real, 0.0)
         j = int(np.argmax(likeness))
         if likeness[j] >= ALIKE:
             partner[i] = j

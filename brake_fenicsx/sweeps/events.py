@@ -60,11 +60,7 @@ class Event:
 
 
 def find_events(
-    followed: Followed,
-    solve: Solve,
-    threshold: float,
-    tolerance: float,
-    onsets_alone: bool = False,
+    followed: Followed, solve: Solve, threshold: float, tolerance: float, onsets_alone: bool = False
 ) -> list[Event]:
     """All events of some followed branches, in the order of their values.
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.results.families import mac
+from brake_fenicsx.mac import mac
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.stability.modes import Complex, Modes
 from brake_fenicsx.stability.substructures.line import Basis

@@ -10,14 +10,16 @@ critical_curve.csv  share of samples in which it squeals by each value
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.results.families import Onsets, known_numbers
+from brake_fenicsx.results.run import SWEEP, save_tables
 from brake_fenicsx.results.squeal import squeals
-from brake_fenicsx.results.tables import write_rows
+from brake_fenicsx.results.tables import Row, RowTable
 from brake_fenicsx.scene.scalars import si_unit
 from brake_fenicsx.stability.modes import Complex
 
@@ -26,21 +28,92 @@ from .events import FROM_FIRST, MERGING, ONSET
 from .line import StoredLine
 from .study import SweepStudy, cut_branches
 
-MODES = ("point", "branch", "frequency_hz", "real_1_s", "damping", "error_estimate", "verdict")
-EVENTS = (
-    "kind", "value", "accuracy", "frequency_hz", "real_1_s", "branch", "with_branch",
-    "family",
-)  # fmt: skip
-CHART = ("approach", "value", "value_2", "unstable_modes", "squeal_modes", "worst_damping")
-CRITICAL = (
-    "approach", "parameter", "family", "frequency_hz", "samples", "squeal_samples",
-    "at_first_value",
-    "value_5", "value_50", "value_50_low", "value_50_high", "value_95",
-)  # fmt: skip
 # A mode that begins to squeal takes the number of a family that squeals in the samples, unless it
 # is so much likelier another one, as the decaying mode of the same pair.
 PREFERRED = 1.2
-CURVE = ("approach", "family", "value", "samples", "share", "low", "high")
+
+
+@dataclass(frozen=True, slots=True)
+class LineRow(Row):
+    """The line that a row is of; the sample is empty of the scene's own brake.
+
+    The second value is that of a chart.
+    """
+
+    approach: str
+    sample: int | None
+    value_2: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class SweepRow(LineRow):
+    """A row of sweep.csv: a followed mode at a value."""
+
+    value: float
+    point: int
+    branch: int
+    frequency_hz: float
+    real_1_s: float
+    damping: float
+    error_estimate: float
+    verdict: str
+
+
+@dataclass(frozen=True, slots=True)
+class EventRow(LineRow):
+    """A row of lock_in.csv: an event of a branch."""
+
+    kind: str
+    value: float
+    accuracy: float
+    frequency_hz: float | None
+    real_1_s: float | None
+    branch: int | None
+    with_branch: int | None
+    family: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class ChartRow(Row):
+    """A row of chart.csv: counts at a point of two parameters."""
+
+    approach: str
+    value: float
+    value_2: float | None
+    unstable_modes: int
+    squeal_modes: int
+    worst_damping: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class CriticalRow(Row):
+    """A row of critical.csv: quantiles of the critical value of a family."""
+
+    approach: str
+    parameter: str
+    family: int | None
+    frequency_hz: float
+    samples: int
+    squeal_samples: int
+    at_first_value: int
+    value_5: float | None
+    value_50: float | None
+    value_50_low: float | None
+    value_50_high: float | None
+    value_95: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class CurveRow(Row):
+    """A row of critical_curve.csv: share of samples of a family by a value."""
+
+    approach: str
+    family: int | None
+    value: float
+    samples: int
+    share: float | None
+    low: float | None
+    high: float | None
 
 
 class SweepTables:
@@ -64,22 +137,23 @@ class SweepTables:
 
     def write(self) -> dict[str, Any]:
         """Write the tables; returns figures for the summary."""
-        path = self._sweep.study.store.path
-        where = ("approach", "sample", *(("value_2",) if self._chart else ()))
-        write_rows(path("sweep.csv"), [*where, "value", *MODES], self._mode_rows())
-        write_rows(path("lock_in.csv"), [*where, *EVENTS], self._event_rows())
-        if self._chart:
-            write_rows(path("chart.csv"), CHART, self._chart_rows())
+        store, chart = self._sweep.study.store, bool(self._sweep.second)
+        without = () if chart else ("value_2",)
+        tables = {
+            "sweep": RowTable.of(SweepRow, self._mode_rows(), without),
+            "lock_in": RowTable.of(EventRow, self._event_rows(), without),
+        }
+        if chart:
+            tables["chart"] = RowTable.of(ChartRow, self._chart_rows())
         critical: list[Critical] = []
         if any(line is not None for _, line in self._samples.values()):
             critical = critical_values(self._onsets(), self._rising)
-            write_rows(path("critical.csv"), CRITICAL, self._critical_rows(critical))
-            write_rows(path("critical_curve.csv"), CURVE, self._curve_rows(critical))
+            tables["critical"] = RowTable.of(CriticalRow, self._critical_rows(critical))
+            tables["critical_curve"] = RowTable.of(CurveRow, self._curve_rows(critical))
+        for name, table in tables.items():
+            table.write(store.path(f"{name}.csv"))
+        save_tables(store, SWEEP, {name: table.columns for name, table in tables.items()})
         return {"sweep": self._facts(critical)}
-
-    @property
-    def _chart(self) -> bool:
-        return bool(self._sweep.second)
 
     @property
     def _rising(self) -> bool:
@@ -91,12 +165,11 @@ class SweepTables:
             for task, (_, line) in lines.items():
                 if line is None:
                     continue
-                first: list[Any] = [task[0], task[1] if kind == "sample" else None]
-                if self._chart:
-                    first.append(self._sweep.second[task[1]])
-                yield first, task, kind, line
+                sample = task[1] if kind == "sample" else None
+                second = self._sweep.second[task[1]] if self._sweep.second else None
+                yield [task[0], sample, second], task, kind, line
 
-    def _mode_rows(self) -> Iterator[list[Any]]:
+    def _mode_rows(self) -> Iterator[SweepRow]:
         for first, _, kind, line in self._lines():
             values = self._sweep.values if kind == "own" else self._sweep.coarse
             wanted = {x: i for i, x in enumerate(values)}
@@ -104,21 +177,21 @@ class SweepTables:
                 x = float(line.x[state])
                 if x in wanted:
                     omega = s.imag
-                    yield [
+                    yield SweepRow.of(
                         *first, x, wanted[x], branch, omega / (2 * np.pi), s.real,
                         -2 * s.real / omega + 0.0, error, verdict,
-                    ]  # fmt: skip
+                    )  # fmt: skip
 
-    def _event_rows(self) -> Iterator[list[Any]]:
+    def _event_rows(self) -> Iterator[EventRow]:
         for first, task, kind, line in self._lines():
             for i, e in enumerate(line.events):
                 there = np.isfinite(e.s)
                 pair = [n if n >= 0 else None for n in e.branches]
-                yield [
+                yield EventRow.of(
                     *first, e.kind, e.x, e.error,
                     float(e.s.imag / (2 * np.pi)) if there else None,
                     float(e.s.real) if there else None, *pair, self._family.get((kind, task, i)),
-                ]  # fmt: skip
+                )  # fmt: skip
 
     def _families(
         self, known: Complex | None, squealing: list[int]
@@ -161,7 +234,7 @@ class SweepTables:
             found.append(own)
         return found
 
-    def _chart_rows(self) -> Iterator[list[Any]]:
+    def _chart_rows(self) -> Iterator[ChartRow]:
         for first, _, _, line in self._lines():
             modes = {"damping": -2 * line.s.real / line.s.imag, "verdict": line.verdict}
             unstable, squeal = modes["verdict"] == "unstable", squeals(modes, self._sweep.threshold)
@@ -169,20 +242,20 @@ class SweepTables:
                 here = np.flatnonzero(line.x[line.state] == x)
                 worst = float(modes["damping"][here].min()) if here.size else None
                 counts = int(unstable[here].sum()), int(squeal[here].sum())
-                yield [first[0], x, first[2], *counts, worst]
+                yield ChartRow.of(first[0], x, first[2], *counts, worst)
 
-    def _critical_rows(self, critical: Sequence[Critical]) -> Iterator[list[Any]]:
+    def _critical_rows(self, critical: Sequence[Critical]) -> Iterator[CriticalRow]:
         for c in critical:
             low, middle, high = (c.quantile(p) for p in (0.05, 0.5, 0.95))
             cells = [low[0], *middle, high[0]]
             at_first = int(np.sum(c.values == -np.inf))
-            yield [
+            yield CriticalRow.of(
                 self._sweep.samples[0][0], self._sweep.key, c.family if c.family >= 0 else None,
                 c.frequency, c.values.size, c.reached, at_first,
                 *(float(v) if np.isfinite(v) else None for v in cells),
-            ]  # fmt: skip
+            )  # fmt: skip
 
-    def _curve_rows(self, critical: Sequence[Critical]) -> Iterator[list[Any]]:
+    def _curve_rows(self, critical: Sequence[Critical]) -> Iterator[CurveRow]:
         values = self._sweep.values
         for c in critical:
             # The share steps where a sample begins to squeal.
@@ -190,7 +263,7 @@ class SweepTables:
             for x in sorted({*values, *onsets}, reverse=values[0] > values[-1]):
                 share = c.by(x)
                 number = c.family if c.family >= 0 else None
-                yield [self._sweep.samples[0][0], number, x, share.n, *share.cells]
+                yield CurveRow.of(self._sweep.samples[0][0], number, x, share.n, *share.cells)
 
     def _facts(self, critical: Sequence[Critical]) -> dict[str, Any]:
         """Figures for the summary."""

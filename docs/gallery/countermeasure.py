@@ -14,9 +14,10 @@ from pathlib import Path
 from mpi4py import MPI
 
 import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
 
 from brake_fenicsx.extras.variants.countermeasures import find_countermeasures
-from brake_fenicsx.results.tables import read_rows
 
 HERE = Path(globals().get("__file__", "notebook")).resolve().parent
 SCENE = HERE.parents[1] / "scripts" / "scenes" / "squealing_block.toml"
@@ -26,7 +27,8 @@ find_countermeasures(
     "countermeasure-results",
     ["samples.n=60", "stages=['surface', 'equilibrium', 'stability', 'uncertainty']"],  # no pages
 )
-rows = read_rows("countermeasure-results/countermeasures.csv")
+table = pd.read_csv("countermeasure-results/countermeasures.csv").replace({np.nan: None})
+rows = table.to_dict("records")
 for row in rows:
     print(row["key"], row["value_scene"], "->", row["smallest_value"], row["note"] or "")
 # -

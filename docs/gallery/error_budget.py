@@ -16,9 +16,10 @@ from pathlib import Path
 from mpi4py import MPI
 
 import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
 
 from brake_fenicsx.extras.variants.budget import run_budget
-from brake_fenicsx.results.tables import read_rows
 
 HERE = Path(globals().get("__file__", "notebook")).resolve().parent
 SCENE = HERE.parents[1] / "scripts" / "scenes" / "squealing_block.toml"
@@ -32,7 +33,8 @@ run_budget(
         "samples.n=40",
     ],
 )
-table = read_rows("error_budget-results/budget.csv")
+budget = pd.read_csv("error_budget-results/budget.csv").replace({np.nan: None})
+table = budget.to_dict("records")
 rows = [row for row in table if row["status"] == "run" and row["family"] == "any"]
 # -
 

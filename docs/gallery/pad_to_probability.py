@@ -18,11 +18,11 @@ from mpi4py import MPI
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 
 from brake_fenicsx import run
 from brake_fenicsx.extras.measured.identify import identify
 from brake_fenicsx.extras.measured.part_modes import part_modes
-from brake_fenicsx.results.tables import read_columns, read_rows
 from brake_fenicsx.scene import read_scene
 
 HERE = Path(globals().get("__file__", "notebook")).resolve().parent
@@ -72,9 +72,9 @@ for name, laws in (("catalogue", catalogue), ("identified", identified)):
          "samples.parametric={ design = 'random' }",
          *(f"samples.random.'{key}'={inline(law)}" for key, law in laws.items())],
     )  # fmt: skip
-    band = read_rows(f"{name}/probabilities.csv")[0]
+    band = pd.read_csv(f"{name}/probabilities.csv").iloc[0]
     probability[name] = [band[key] for key in ("probability", "low", "high")]
-    stiffness[name] = read_columns(f"{name}/samples.csv")["materials.lining.C33"] / 1e9
+    stiffness[name] = pd.read_csv(f"{name}/samples.csv")["materials.lining.C33"] / 1e9
     print(f"{name}: probability of squeal {probability[name][0]:.2f}")
 # -
 

@@ -16,9 +16,9 @@ from mpi4py import MPI
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 
 from brake_fenicsx import run
-from brake_fenicsx.results.tables import read_rows
 
 HERE = Path(globals().get("__file__", "notebook")).resolve().parent
 SCENE = HERE.parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
@@ -41,7 +41,7 @@ run(
         "samples.random.'loads.block.top.pressure'={ law='uniform', min='4 bar', max='8 bar' }",
     ],
 )
-table = read_rows("sensitivity-results/sensitivity.csv")
+table = pd.read_csv("sensitivity-results/sensitivity.csv").to_dict("records")
 rows = [row for row in table if row["where"] == "0-18000" and row["outcome"] == "growth"]
 # -
 

@@ -7,8 +7,8 @@ import pytest
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.variants import countermeasures as module
 from brake_fenicsx.extras.variants.trial import smallest_change
-from brake_fenicsx.results.tables import read_rows
 from coarse_block import BLOCK, FRICTION, ROUGH, levers
+from run_tables import read_rows
 
 pytestmark = pytest.mark.hard
 

@@ -7,12 +7,16 @@ from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.extras.limit_cycle.contact_forces import PeriodForces
 from brake_fenicsx.extras.limit_cycle.growth import follow
 from brake_fenicsx.extras.limit_cycle.harmonic_balance import HarmonicBalance
-from brake_fenicsx.macro.friction import Friction
+from brake_fenicsx.macro.friction import SlidingFriction
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.micro import LawSteps, OneLaw, make_library
 from oscillators import first_vibration, no_growth, oscillator, van_der_pol
 
 pytestmark = pytest.mark.hard
+
+
+def frictionless(one):
+    return SlidingFriction(0 * one, 0 * one, one, one > 0)
 
 
 def test_growth_that_never_ends():
@@ -76,7 +80,7 @@ def test_yielding_goes_on_and_comes_to_rest():
     """Under a hardness a patch yields to the deepest state of its cycle, and is elastic in it."""
     laws = EnrichedGap(hardened(), np.zeros(1, dtype=np.intp), np.zeros(1))
     one = np.ones(1)
-    forces = PeriodForces(laws, one > 0, one, 0 * one, Friction(0 * one, 0 * one, one, one > 0))
+    forces = PeriodForces(laws, one > 0, one, 0 * one, frictionless(one))
     t = 2 * np.pi * np.arange(64) / 64
     y = 1e-6 * np.cos(t)[None]
     F, tangent = forces(y, 0 * y)
@@ -103,9 +107,7 @@ def test_an_open_patch_that_closes():
     one = np.ones(1)
     touch = laws.first_touch()
     for yields in (one > 0, one < 0):
-        forces = PeriodForces(
-            laws, yields, one, touch + 1e-7, Friction(0 * one, 0 * one, one, one > 0)
-        )
+        forces = PeriodForces(laws, yields, one, touch + 1e-7, frictionless(one))
         t = 2 * np.pi * np.arange(64) / 64
         y = 5e-7 * np.cos(t)[None]
         F, tangent = forces(y, 0 * y)
@@ -120,7 +122,7 @@ def test_one_law_per_patch():
     both = join_laws([hardened(), OneLaw(exponential_law(1e6, 2e-6))])
     laws = EnrichedGap(both, np.array([0, 1]), np.zeros(2))
     two = np.ones(2)
-    forces = PeriodForces(laws, two < 0, two, 0 * two, Friction(0 * two, 0 * two, two, two > 0))
+    forces = PeriodForces(laws, two < 0, two, 0 * two, frictionless(two))
     y = 1e-6 * np.cos(2 * np.pi * np.arange(32) / 32)[None] * two[:, None]
     F, _ = forces(y, 0 * y)
     np.testing.assert_allclose(F[1], 1e6 * (np.exp(-y[1] / 2e-6) - 1), atol=1e-6)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from brake_fenicsx.macro.friction import Friction
+from brake_fenicsx.macro.friction import SlidingFriction
 from brake_fenicsx.macro.patch_forces import patch_forces, sliding
 
 V = np.array([2.0, 0.5])
@@ -17,7 +17,7 @@ def coefficient(speed):
 
 @pytest.fixture
 def friction():
-    return Friction(MU, SLOPE, V, np.array([True, False]))
+    return SlidingFriction(MU, SLOPE, V, np.array([True, False]))
 
 
 def test_traction_opposes_the_slip_of_the_disc_past_the_pad(friction):

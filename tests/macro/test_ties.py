@@ -15,7 +15,6 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh, norm
 
 from brake_fenicsx.build.brake import assemble_brake, check_brake
-from brake_fenicsx.build.shapes import body_centres
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.geometry import block
 from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
@@ -25,6 +24,7 @@ from brake_fenicsx.macro.tie import tied_faces
 from brake_fenicsx.meshing.brake_mesh import raw_mesh, tagged_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.meshing.rawmesh import joined
+from brake_fenicsx.samples.numbering import body_centres
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.substructures.component import originals_and_images
 from brake_fenicsx.stability.substructures.substructure import split_substructures

@@ -24,10 +24,10 @@ from brake_fenicsx.meshing.brake_mesh import raw_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.results.run import read_run
-from brake_fenicsx.results.tables import read_columns
 from brake_fenicsx.samples.solve import full_modes
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import complex_modes
+from run_tables import read_columns
 
 SCENE = """
 stages = ["equilibrium", "stability"]

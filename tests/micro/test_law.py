@@ -1,5 +1,7 @@
 """Laws: one function in three forms, monotone, smooth, and true to the contact solutions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,6 +15,7 @@ from brake_fenicsx.micro import (
     OneLaw,
     contact_law,
     exponential_law,
+    join_laws,
     law_library,
     linear_law,
     load_laws,
@@ -247,6 +250,54 @@ def test_a_law_of_a_library_can_be_made_again_alone():
     laws = law_library(recipe, 3, seed=7)
     np.testing.assert_array_equal(laws[2].steps.d, recipe.law(7, 2).d)
     assert laws[0].first_touch != laws[1].first_touch
+
+
+@pytest.mark.parametrize("hardness", [None, 200e6])
+@pytest.mark.parametrize("boundary", ["free", "periodic"])
+def test_a_law_to_a_low_pressure_is_the_whole_law_up_to_it(hardness, boundary):
+    """Digit for digit, smoothed slopes included; beyond its end it goes on as a straight line."""
+    recipe = LawRecipe(
+        PAPER.bifractal, PAPER.hdf, LawSettings(E_STAR, hardness=hardness, boundary=boundary),
+        (96, 96),
+    )  # fmt: skip
+    whole, short = recipe.law(1, 0), recipe.law(1, 0, 0.5e6)
+    reach = recipe.reach(short, 0.5e6)
+    assert 0.5e6 <= reach < short.p[-1] < 0.1 * whole.p[-1]
+    known = np.count_nonzero(short.p <= reach)
+    for ours, theirs in zip(short, whole, strict=True):
+        if ours is not None:
+            assert np.array_equal(ours[:known], theirs[:known])
+    for pressure in (whole.p[-1], np.inf):
+        assert recipe.reach(recipe.law(1, 0, pressure), pressure) == np.inf
+
+
+def test_laws_that_end_too_low_are_made_longer():
+    """Those that a pressure passes and no others; then the library is that of whole laws there."""
+    recipe = LawRecipe(PAPER.bifractal, PAPER.hdf, LawSettings(E_STAR, hardness=200e6), (96, 96))
+    rows = [recipe.law(1, i, 0.25e6) for i in range(3)]
+    reach = [recipe.reach(steps, 0.25e6) for steps in rows]
+    base = replace(make_library(rows, [0, 1, 2], reach=reach), longer=recipe.longer(1))
+    index, p = np.array([0, 1, 2, 1]), np.array([0.2e6, 0.2e6, 1e3, 3e6])
+    assert base.up_to(index[:3], p[:3]) is base
+    longer = base.up_to(index, p)
+    assert longer.reach[1] >= 3e6 and (longer.reach[[0, 2]] == base.reach[[0, 2]]).all()
+    assert longer.up_to(index, p) is longer and longer.up_to(index, [0, 0, 0, 1e9]).reach[1] > 1e9
+    whole = law_library(recipe, 3, 1)
+    for library, most in ((base, base.reach), (longer, longer.reach)):
+        for i in range(3):
+            d = whole.d[i][whole.p[i] <= most[i]]
+            d = np.concatenate([d, 0.5 * (d[1:] + d[:-1])])
+            for name in ("loading", "vibration"):
+                ours, theirs = (getattr(x, name)(np.full(d.size, i), d) for x in (library, whole))
+                assert np.array_equal(ours[0], theirs[0]) and np.array_equal(ours[1], theirs[1])
+    scaled = scaled_laws(base, 2.0)
+    assert scaled.up_to(index[:3], 2 * p[:3]) is scaled
+    joined = join_laws([OneLaw(linear_law(1e12)), scaled])
+    found = joined.up_to(index + 1, 2 * p)
+    assert (
+        np.array_equal(found.parts[1].laws.reach, longer.reach)
+        and found.parts[0] is joined.parts[0]
+    )
 
 
 def test_analytic_laws():

@@ -8,14 +8,24 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.report.figures import make_figures
-from brake_fenicsx.report.mode_cards import SHAPE_COLUMNS, SHAPES
-from brake_fenicsx.results.driver_tables import CONTACT_DRIVERS, DRIVERS
-from brake_fenicsx.results.probabilities import SENSITIVITY
-from brake_fenicsx.results.run import read_run
-from brake_fenicsx.results.tables import CONTACT, MODES, SAMPLES, write_rows
-from brake_fenicsx.sweeps.tables import CHART, CRITICAL, CURVE, EVENTS
-from brake_fenicsx.sweeps.tables import MODES as SWEEP
+from brake_fenicsx.report.mode_cards import SHAPES
+from brake_fenicsx.results.run import save_tables
+from brake_fenicsx.results.tables import MODES, SAMPLES, RowTable, write_rows
+from run_tables import (
+    CHART,
+    CONTACT,
+    CONTACT_DRIVERS,
+    CRITICAL,
+    CURVE,
+    DRIVERS,
+    EVENTS,
+    SENSITIVITY,
+    SHAPE_COLUMNS,
+    SWEEP,
+    read_run,
+)
 
 E_STAR = 2373.4e6
 SAMPLED = {"classical": 1, "parametric": 40, "multi-scale": 60}
@@ -316,7 +326,7 @@ def drawn(run_directory, tmp_path_factory) -> tuple[Path, list[Path]]:
     """The same run with all its figures, and what was written."""
     directory = tmp_path_factory.mktemp("drawn") / "run & <one>"
     shutil.copytree(run_directory, directory)
-    return directory, make_figures(directory)
+    return directory, make_figures(read_run(directory))
 
 
 @pytest.fixture(scope="session")
@@ -355,5 +365,6 @@ def shaped(drawn, tmp_path_factory) -> tuple[Path, list[list]]:
             frames[0].save(folder / f"{name}.webp", save_all=True, append_images=frames[1:])
             place = [approach, mode.family.number, mode.sample, mode.mode, mode.frequency]
             rows.append([*place, mode.damping, name, "disc", 7, "out of plane", 0.9])
-    write_rows(folder / SHAPES, SHAPE_COLUMNS, rows)
+    shapes = RowTable(SHAPE_COLUMNS, rows).columns
+    save_tables(Store(directory), SHAPES, {"shapes": shapes})
     return directory, rows

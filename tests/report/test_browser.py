@@ -6,8 +6,8 @@ import shutil
 import pytest
 
 from brake_fenicsx.report.html import write_report
-from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.squeal import squeals
+from run_tables import read_run
 
 playwright = pytest.importorskip(
     "playwright.sync_api", reason="the browser tests need Playwright: pip install playwright"
@@ -29,7 +29,7 @@ def browser():
 @pytest.fixture
 def opened(browser, shaped):
     """The page, and what went wrong or out to a network since it was opened."""
-    path = write_report(shaped[0], redraw=False)
+    path = write_report(read_run(shaped[0]), redraw=False)
     page = browser.new_page(viewport={"width": 1280, "height": 900})
     found = []
     page.on("console", lambda message: found.append(message.text))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from brake_fenicsx.report.driver_figures import draw_driver_maps, draw_drivers
-from brake_fenicsx.results.run import read_run
+from brake_fenicsx.report.input_figures import draw_driver_maps, draw_drivers
+from run_tables import read_run
 
 
 @pytest.fixture(scope="module")

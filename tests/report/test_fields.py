@@ -9,7 +9,6 @@ pyvista = pytest.importorskip("pyvista")
 
 from dolfinx import fem, mesh  # noqa: E402
 
-from brake_fenicsx.report.animation import animate_mode  # noqa: E402
 from brake_fenicsx.report.fields import (  # noqa: E402
     facet_means,
     write_facets,
@@ -17,7 +16,11 @@ from brake_fenicsx.report.fields import (  # noqa: E402
     write_phases,
     write_points,
 )
-from brake_fenicsx.report.render import render_mesh, render_mode  # noqa: E402
+from brake_fenicsx.report.render import (  # noqa: E402
+    animate_mode,
+    render_mesh,
+    render_mode,
+)
 
 
 def vector_space(comm, n=3, cell=None):
@@ -48,7 +51,7 @@ def values_on(V):
 def small_pictures(monkeypatch):
     """A quarter of the pixels: none of what is looked at depends on their number."""
     monkeypatch.setattr("brake_fenicsx.report.render.PIXELS", (750, 450))
-    monkeypatch.setattr("brake_fenicsx.report.animation.PIXELS", (420, 280))
+    monkeypatch.setattr("brake_fenicsx.report.render.PIXELS", (420, 280))
 
 
 @pytest.fixture(scope="module")

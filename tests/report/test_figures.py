@@ -15,25 +15,25 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.report.contact_figures import draw_contact_pressure
-from brake_fenicsx.report.driver_figures import draw_driver_maps
-from brake_fenicsx.report.error_figures import draw_errors
-from brake_fenicsx.report.figures import make_figures
-from brake_fenicsx.report.micro_figures import draw_contact_maps, draw_laws
-from brake_fenicsx.report.plots import PLOTS
-from brake_fenicsx.report.probability_figures import draw_convergence, draw_counts, draw_probability
+from brake_fenicsx.report.contact_figures import draw_contact_maps, draw_contact_pressure, draw_laws
+from brake_fenicsx.report.figures import PLOTS, make_figures
+from brake_fenicsx.report.input_figures import draw_driver_maps
+from brake_fenicsx.report.sample_figures import (
+    draw_convergence,
+    draw_counts,
+    draw_errors,
+    draw_probability,
+)
 from brake_fenicsx.report.squeal_figures import draw_families, draw_squeal_map
 from brake_fenicsx.report.style import BLACK, GREY, house_style, save
-from brake_fenicsx.report.surface_figures import draw_statistics
-from brake_fenicsx.report.sweep_figures import draw_branches
-from brake_fenicsx.report.topography_figures import (
+from brake_fenicsx.report.surface_figures import (
     draw_artificial,
+    draw_statistics,
     draw_topography,
 )
-from brake_fenicsx.results.run import read_run
+from brake_fenicsx.report.sweep_figures import draw_branches
 from brake_fenicsx.results.tables import MODES, write_rows
-from brake_fenicsx.sweeps.tables import EVENTS
-from brake_fenicsx.sweeps.tables import MODES as SWEEP
+from run_tables import EVENTS, SWEEP, read_run
 
 NEEDS = {
     "modes.csv": {
@@ -86,7 +86,7 @@ def test_all_figures_are_drawn_and_none_is_blank(drawn):
 @pytest.mark.parametrize("name", NEEDS)
 def test_what_is_absent_is_not_drawn(run_directory, tmp_path, without_pixels, name):
     shutil.copy(run_directory / name, tmp_path / name)
-    make_figures(tmp_path)
+    make_figures(read_run(tmp_path))
     assert {*without_pixels} == NEEDS[name]
 
 
@@ -100,7 +100,7 @@ def test_the_same_run_gives_the_same_bytes(run_directory, tmp_path, monkeypatch)
         directory = tmp_path / str(k)
         directory.mkdir()
         shutil.copy(run_directory / "surface.npz", directory)
-        contents.append([path.read_bytes() for path in make_figures(directory)])
+        contents.append([path.read_bytes() for path in make_figures(read_run(directory))])
     assert contents[0] == contents[1] and len(contents[0]) == 2
     assert dict(matplotlib.rcParams) == before
 
@@ -205,7 +205,7 @@ def test_surface_known_by_its_numbers_alone(stages, tmp_path, without_pixels):
     if figure:
         shown = [axis for axis in figure.axes[:4] if axis.get_visible()]
         assert [axis.get_title()[:3] for axis in shown] == ["(a)", "(b)", "(c)"]
-    page = html.write_report(tmp_path).read_text()
+    page = html.write_report(read_run(tmp_path)).read_text()
     assert "The scene gives statistics in place of a scan" in page
     assert "instrument" not in page
 
@@ -439,12 +439,12 @@ def test_error_curves_end_at_the_largest_error_of_each_approach(run):
 
 def test_directories_without_results_are_named(tmp_path):
     with pytest.raises(SceneError, match="no such run directory"):
-        make_figures(tmp_path / "nowhere")
+        make_figures(read_run(tmp_path / "nowhere"))
     with pytest.raises(SceneError, match="contains no result"):
-        make_figures(tmp_path)
+        make_figures(read_run(tmp_path))
     (tmp_path / "laws.npz").write_bytes(b"not a zip")
     with pytest.raises(SceneError, match=r"laws\.npz"):
-        make_figures(tmp_path)
+        make_figures(read_run(tmp_path))
 
 
 def test_a_broken_summary_is_named(tmp_path):

@@ -1,5 +1,6 @@
 """Which displacements are drawn as the modes of a sample."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,6 +12,7 @@ import pytest
 from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.folder.store import Store
+from brake_fenicsx.report import mode_fields
 from brake_fenicsx.report.mode_fields import _severe
 from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
 from brake_fenicsx.samples.solve import displacements
@@ -18,6 +20,7 @@ from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.operators import tangent
+from run_tables import read_run
 
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
@@ -65,7 +68,9 @@ def test_displacements_are_those_of_the_modes(changes, stored, tmp_path, monkeyp
 
 
 @pytest.mark.parametrize(("threshold", "drawn"), [(0, [(1, 3), (0, 0)]), (0.01, [(1, 3)])])
-def test_the_most_severe_families_are_drawn_whatever_their_sample(threshold, drawn, tmp_path):
+def test_the_most_severe_families_are_drawn_whatever_their_sample(
+    threshold, drawn, tmp_path, monkeypatch
+):
     """The first sample that has an unstable mode has only the one that hardly grows."""
     real, rest = -1.0, (1e-12, 1e-6, 2.0, "unstable")
     modes = [
@@ -75,6 +80,9 @@ def test_the_most_severe_families_are_drawn_whatever_their_sample(threshold, dra
     ]
     write_rows(tmp_path / "modes.csv", MODES, modes)
     write_rows(tmp_path / "samples.csv", SAMPLES, [["multi-scale", k, "ok", k] for k in (0, 1)])
+    monkeypatch.setattr(
+        mode_fields, "read_run", lambda folder, told: replace(read_run(folder), summary=told)
+    )
     scene = read_scene(BLOCK, [f"stability.threshold={threshold}"])
     run, ((*chosen,),) = _severe(SimpleNamespace(comm=COMM, store=Store(tmp_path), scene=scene))
     assert run.threshold == threshold

@@ -4,11 +4,10 @@ import shutil
 
 import numpy as np
 
-from brake_fenicsx.report.sensitivity_figures import draw_sensitivity
+from brake_fenicsx.report.input_figures import draw_sensitivity
 from brake_fenicsx.report.style import house_style
-from brake_fenicsx.results.probabilities import SENSITIVITY
-from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import write_rows
+from run_tables import SENSITIVITY, read_run
 
 NAMES = ("contact.pad_disc.friction", "materials.lining.E_3")
 

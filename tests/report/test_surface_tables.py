@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.report.surface_section import write_surface_tables
-from brake_fenicsx.results.run import read_run
-from brake_fenicsx.results.tables import read_columns, read_rows
 from brake_fenicsx.surface import read_topography
+from run_tables import read_columns, read_rows, read_run
 
 
 @pytest.fixture

@@ -9,8 +9,11 @@ import pytest
 
 from brake_fenicsx.cli import main
 from brake_fenicsx.compat import vector_space
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extras.measured.universal import export_modes
 from brake_fenicsx.report.fields import write_fields
 from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
+from run_tables import read_run
 
 # Frequency [Hz], alpha [1/s]; the second decays.
 GROWING, DECAYING, SLOW = (8331.4142, 217.5), (1500.25, -40.0), (2750.5, 12.25)
@@ -50,13 +53,12 @@ def shape_at(x, n):
 @pytest.mark.parametrize(
     ("cell", "corners", "per_box"), [("tetrahedron", 4, 6), ("hexahedron", 8, 1)]
 )
-def test_modes_read_back(cell, corners, per_box, tmp_path, capsys):
+def test_modes_read_back(cell, corners, per_box, tmp_path):
     """Frequency, sign of the damping, cells, and shapes to the six digits of the format."""
     pyuff = pytest.importorskip("pyuff")
     finished_run(tmp_path, cell)
-    assert main(["export", str(tmp_path)]) == 0
     path = tmp_path / "modes.unv"
-    assert capsys.readouterr().out == f"wrote {path}\n"
+    assert export_modes(read_run(tmp_path)) == path
     sets = {s["type"]: s for s in pyuff.UFF(str(path)).read_sets()}
     assert list(sets) == [151, 164, 2411, 2412, 55] and sets[164]["length"] == 1.0
     mode, nodes = sets[55], sets[2411]
@@ -109,7 +111,7 @@ def test_independent_readers_agree(reader, tmp_path):
     pytest.importorskip("pyuff")
     box, growing = ((-0.151, -0.12, -0.0123), (0.05, 0.0, -0.001)), (GROWING, SLOW)
     finished_run(tmp_path, "hexahedron", growing=growing, box=box)
-    assert main(["export", str(tmp_path)]) == 0
+    export_modes(read_run(tmp_path))
     numbers, x, s, shapes = reader(tmp_path / "modes.unv")
     assert np.array_equal(numbers, np.arange(1, 19))
     assert x.min(axis=0) == pytest.approx(box[0], rel=1e-14)
@@ -124,11 +126,12 @@ def test_independent_readers_agree(reader, tmp_path):
         assert np.abs(shapes[k] - wanted).max() < 2e-6
 
 
-def test_a_folder_without_shapes_is_refused(tmp_path, capsys):
+def test_a_folder_without_shapes_is_refused(tmp_path):
     finished_run(tmp_path, with_shapes=False)
-    assert main(["export", str(tmp_path)]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1 and f"{tmp_path}/fields: contains no mode shapes" in said
+    with pytest.raises(SceneError) as raised:
+        export_modes(read_run(tmp_path))
+    said = str(raised.value)
+    assert f"{tmp_path}/fields: contains no mode shapes" in said
     assert "stages" in said and "stability.threshold" in said
     assert not (tmp_path / "modes.unv").exists()
 

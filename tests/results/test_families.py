@@ -3,7 +3,8 @@
 import numpy as np
 import scipy.linalg as la
 
-from brake_fenicsx.results.families import ModeFamilies, Onsets, known_numbers, mac
+from brake_fenicsx.mac import mac
+from brake_fenicsx.results.families import ModeFamilies, Onsets, known_numbers
 
 
 def test_families_follow_permuted_modes():

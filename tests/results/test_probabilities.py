@@ -1,6 +1,6 @@
 """Outcomes of samples and the tables of causes, against closed forms."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 from mpi4py import MPI
 
@@ -10,17 +10,15 @@ from scipy import stats
 
 from brake_fenicsx.build.distributions import quantile
 from brake_fenicsx.results.probabilities import (
-    CONVERGENCE,
-    PROBABILITIES,
-    SENSITIVITY,
     Ensemble,
     Outcome,
+    cause_tables,
     convergence_rows,
     ensembles,
     find_causes,
+    probability_facts,
     probability_rows,
     sensitivity_rows,
-    write_causes,
 )
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.samples.designs import design_points, roughness_of
@@ -44,8 +42,8 @@ def explained(found):
     return found
 
 
-def table(columns, rows):
-    return [dict(zip(columns, row, strict=True)) for row in rows]
+def table(rows):
+    return [asdict(row) for row in rows]
 
 
 def drawn(n, seed=2):
@@ -59,7 +57,7 @@ def test_probability_of_a_border_in_one_parameter():
     """Flutter beyond mu_c = 0.54: P = 1 - Phi(0.8), within the interval; mu dominates."""
     x, _ = drawn(4000)
     growth = 300.0 * np.sqrt(np.maximum(x[:, 0] - 0.54, 0.0))
-    row = table(PROBABILITIES, probability_rows(SAMPLES, [ensemble(x, growth)]))[1]
+    row = table(probability_rows(SAMPLES, [ensemble(x, growth)]))[1]
     assert row["low"] <= stats.norm.sf(0.8) <= row["high"]
     assert row["dominant_input"] == MU
     assert row["correlation_low"] > 0.5
@@ -75,13 +73,13 @@ def test_shares_of_the_variance_of_a_sum():
         [(x[:, 0] - 0.5) / 0.05, (x[:, 1] - 2e9) / (0.4e9 / np.sqrt(12)) / 2, rng.normal(size=4000)]
     )
     growth = 100 + z @ terms
-    row = table(PROBABILITIES, probability_rows(SAMPLES, [ensemble(x, growth)]))[0]
+    row = table(probability_rows(SAMPLES, [ensemble(x, growth)]))[0]
     exact = np.array([4.0, np.var(z[:, 1]), 1.0])
     exact /= exact.sum()
     found = [row["share_friction"], row["share_materials"], row["share_rest"]]
     np.testing.assert_allclose(found, exact, atol=0.03)
     assert row["share_loads"] == 0.0
-    index = table(SENSITIVITY, sensitivity_rows([ensemble(x, growth)]))
+    index = table(sensitivity_rows([ensemble(x, growth)]))
     # Always unstable: the verdict never changes and has no index, the growth has two for each.
     assert [r["outcome"] for r in index] == ["growth"] * 4
     assert index[0]["first_low"] <= exact[0] <= index[0]["first_high"]
@@ -98,10 +96,10 @@ def test_roughness_is_a_row_of_its_own():
     outcome = Outcome("band", "0-16000", 8000.0, growth, -1e-4 * growth)
     e = Ensemble("joint", (MU, E3), u, np.ones(len(u), dtype=bool), (outcome,))
     find_causes(samples, [e], MPI.COMM_SELF)
-    rows = table(SENSITIVITY, sensitivity_rows([e]))
+    rows = table(sensitivity_rows([e]))
     assert [row["input"] for row in rows] == [MU, E3, "roughness"]
     np.testing.assert_allclose([row["total"] for row in rows], [0.5, 0, 0.5], atol=0.05)
-    shares = table(PROBABILITIES, probability_rows(samples, [e]))[0]
+    shares = table(probability_rows(samples, [e]))[0]
     assert shares["share_friction"] == pytest.approx(0.5, abs=0.06)
     assert shares["share_rest"] == pytest.approx(0.5, abs=0.06)
 
@@ -111,7 +109,7 @@ def test_failed_samples_count_for_nothing():
     x, _ = drawn(100)
     good = np.arange(100) % 4 > 0
     growth = np.where(good, 5.0, 0.0)
-    row = table(PROBABILITIES, probability_rows(SAMPLES, [ensemble(x, growth, good)]))[0]
+    row = table(probability_rows(SAMPLES, [ensemble(x, growth, good)]))[0]
     assert (row["samples"], row["squeal_samples"], row["probability"]) == (75, 75, 1.0)
     assert row["above_limit"] == "yes"
     assert row["median_damping"] == row["severity"] * -1 == pytest.approx(-5e-4)
@@ -120,7 +118,7 @@ def test_failed_samples_count_for_nothing():
 def test_probability_settles_with_the_samples():
     x, _ = drawn(300)
     growth = np.where(x[:, 0] > 0.5, 1.0, 0.0)
-    rows = table(CONVERGENCE, convergence_rows(SAMPLES, [ensemble(x, growth)]))
+    rows = table(convergence_rows(SAMPLES, [ensemble(x, growth)]))
     whole = [r for r in rows if r["scope"] == "band"]
     assert [r["samples"] for r in whole] == [10, 20, 40, 80, 160, 300]
     width = [r["high"] - r["low"] for r in whole]
@@ -169,7 +167,7 @@ def test_a_threshold_takes_weak_modes_out_of_the_outcomes():
     growth = {(o.scope, o.where): o.growth[:2].tolist() for o in e.outcomes}
     assert growth["band", "0-16000"] == [3.0, 0.0]
     assert ("family", "4") not in growth
-    rows = table(PROBABILITIES, probability_rows(SAMPLES, [e]))
+    rows = table(probability_rows(SAMPLES, [e]))
     assert {row["threshold"] for row in rows} == {2e-4}
     assert (rows[0]["probability"], rows[0]["squeal_samples"]) == (0.5, 1)
 
@@ -179,27 +177,29 @@ def test_families_are_ranked_by_share_times_damping():
     (e,) = explained(ensembles(results(), (0.0, 16e3)))
     found = [o for o in e.outcomes if o.scope == "family"]
     assert [o.where for o in found] == ["0", "4"]
-    first = table(PROBABILITIES, probability_rows(SAMPLES, [e]))[len(e.outcomes) - 2]
+    first = table(probability_rows(SAMPLES, [e]))[len(e.outcomes) - 2]
     assert first["median_damping"] == pytest.approx(-6.0 / (2e3 * np.pi))
     assert first["severity"] == pytest.approx(0.5 * 6.0 / (2e3 * np.pi))
 
 
-def test_one_sample_that_ended_well_has_no_interval(tmp_path):
+def test_one_sample_that_ended_well_has_no_interval():
     """Three samples of which two failed are one run."""
     x, _ = drawn(3)
     e = ensemble(x, np.array([5.0, 0.0, 0.0]), np.array([True, False, False]))
-    rows = table(PROBABILITIES, probability_rows(SAMPLES, [e]))
-    rows += table(CONVERGENCE, convergence_rows(SAMPLES, [e]))
+    rows = table(probability_rows(SAMPLES, [e]))
+    rows += table(convergence_rows(SAMPLES, [e]))
     for row in rows:
         assert (row["samples"], row["probability"]) == (1, 1.0)
         assert row["low"] is row["high"] is None
     assert rows[0]["above_limit"] == "open"
-    assert write_causes(tmp_path, SAMPLES, [e])["joint"]["interval"] == [None, None]
+    assert probability_facts(SAMPLES, [e])["joint"]["interval"] == [None, None]
 
 
 def test_tables_are_written_and_the_summary_says_how_stable_modes_count(tmp_path):
-    facts = write_causes(tmp_path, SAMPLES, explained(ensembles(results(), (0.0, 16e3))))
+    found = explained(ensembles(results(), (0.0, 16e3)))
+    facts, tables = probability_facts(SAMPLES, found), cause_tables(SAMPLES, found)
     assert facts["stable_modes"] == "count as growth 0 in every index"
     assert facts["joint"]["probability_of_any"] == 1.0
     for name in ("sensitivity", "probabilities", "convergence"):
-        assert (tmp_path / f"{name}.csv").read_text().startswith("approach,threshold,scope,where")
+        path = tables[name].write(tmp_path / f"{name}.csv")
+        assert path.read_text().startswith("approach,threshold,scope,where")

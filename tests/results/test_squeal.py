@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from brake_fenicsx.report.input_figures import correlations, draw_correlations
 from brake_fenicsx.report.overview import open_points, summary_table
-from brake_fenicsx.report.sensitivity_figures import correlations, draw_correlations
 from brake_fenicsx.results.accuracy import error_rows, speed_rows, stage_rows
 from brake_fenicsx.results.answer import approach_rows, family_rows, write_tables
 from brake_fenicsx.results.limits import limit_rows
-from brake_fenicsx.results.run import RunData, read_run
+from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.statistics import wilson
-from brake_fenicsx.results.tables import MODES, SAMPLES, read_columns, read_rows, write_rows
+from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
+from run_tables import cells, read_columns, read_rows, read_run
 
 
 def mode(approach, sample, number, f, damping, family, error=1e-6):
@@ -93,7 +94,7 @@ def test_wilson_at_the_ends():
 
 
 def test_tables_carry_the_numbers_of_the_run(run):
-    written = {path.stem: path for path in write_tables(run.directory)}
+    written = {path.stem: path for path in write_tables(run)}
     assert set(written) == {
         "approaches", "limits", "families", "probability_per_band", "eigenvalue_errors",
     }  # fmt: skip
@@ -105,14 +106,14 @@ def test_tables_carry_the_numbers_of_the_run(run):
     assert read_columns(written["families"])["frequency_hz"].tolist() == [4000.0, 960.0, 1050.0]
     bands = read_rows(written["probability_per_band"])
     assert sum(row["squeal_samples"] for row in bands if row["approach"] == "parametric") == 3
-    assert [list(row) for row in approach_rows(run)] == [
+    assert [list(row) for row in cells(approach_rows(run))] == [
         list(row.values()) for row in read_rows(written["approaches"])
     ]
-    assert len(family_rows(run)) == 3
+    assert len(cells(family_rows(run))) == 3
 
 
 def test_errors_of_the_run(run):
-    classical, fast = error_rows(run)
+    classical, fast = cells(error_rows(run))
     assert fast[1] == 6
     # Relative: of the size of the eigenvalue, damping -0.03 at 970 Hz.
     assert fast[6] == pytest.approx(1e-4 / (2 * np.pi * 970 * np.hypot(1, 0.015)), rel=1e-12)
@@ -132,20 +133,20 @@ def test_speed_stands_beside_the_error_of_the_same_run(run):
                          "median_relative_error": 1e-9, "wrong_verdicts": 0, "eigenvalues": 9,
                          "errors_beyond_estimates": 4},
     }  # fmt: skip
-    rows = speed_rows(replace(run, summary=facts))
+    rows = cells(speed_rows(replace(run, summary=facts)))
     assert rows[0][:4] == ["classical", 1, None, None]
     assert rows[1][:4] == ["parametric", 3, 0.1, 0.5]
-    assert rows[1][4] == error_rows(run)[1][4]
+    assert rows[1][4] == cells(error_rows(run))[1][4]
     assert rows[2][0] == "against full order"
     assert rows[2][4:6] == [1e-9, 3e-7]
     assert rows[2][6] == "0 wrong of 9 verdicts, 4 errors beyond their estimates"
-    assert speed_rows(run) == []
+    assert cells(speed_rows(run)) == []
 
 
 def test_stages_keep_their_order_and_gaps():
     summary = {"seconds": {"b": 2, "a": 1.5}, "peak_memory_mb": {"a": 10.0, "c": 3.0}}
-    assert stage_rows(summary) == [["b", 2.0, None], ["a", 1.5, 10.0], ["c", None, 3.0]]
-    assert stage_rows({"seconds": "fast"}) == []
+    assert cells(stage_rows(summary)) == [["b", 2.0, None], ["a", 1.5, 10.0], ["c", None, 3.0]]
+    assert cells(stage_rows({"seconds": "fast"})) == []
 
 
 def test_summary_names_every_approach(run):
@@ -153,7 +154,6 @@ def test_summary_names_every_approach(run):
     assert lines[0] == "squeal: unstable modes with damping below 0 (stability.threshold)"
     assert lines[3].split()[:8] == ["Classical", "1", "0", "1", "1", "0", "1", "1"]
     assert lines[4].split()[:8] == ["Parametric", "3", "1", "5", "3", "1", "3", "2"]
-    assert summary_table(run.directory) == summary_table(run)
 
 
 def test_representative_modes_are_of_median_damping(run):
@@ -187,8 +187,8 @@ def test_a_threshold_leaves_weak_modes_out_of_every_count(run):
     assert (only.number, only.share.hits, only.median) == (0, 1, -0.03)
     assert [s.hits for s in strict.squeal.share_per_band("parametric")] == [0, 1, *[0] * 8]
     assert [m.sample for m in strict.squeal.representatives("parametric")] == [1]
-    (row,) = [r for r in approach_rows(strict) if r[0] == "parametric"]
-    assert "damping below -0.02" in summary_table(strict)
+    (row,) = [r for r in cells(approach_rows(strict)) if r[0] == "parametric"]
+    assert "damping below -0.02" in summary_table(read_run(strict))
     assert row[6:9] == [0.02, 1, 1]
     assert beyond(run, 0.06).squeal.families("classical") == []
 
@@ -203,7 +203,7 @@ def test_what_squeals_seldom_and_strongly_ranks_before_what_hardly_grows(tmp_pat
     assert (first.frequency, first.share.hits, first.median) == (1500.0, 2, pytest.approx(-0.075))
     assert first.severity == pytest.approx(0.5 * 0.075)
     assert second.severity == pytest.approx(8e-6)
-    assert approach_rows(run)[0][-1] == "1.500 kHz (2/4, -0.075); 14.000 kHz (4/4, -8e-06)"
+    assert cells(approach_rows(run))[0][-1] == "1.500 kHz (2/4, -0.075); 14.000 kHz (4/4, -8e-06)"
     assert [m.frequency for m in run.squeal.representatives("parametric")] == [1500.0, 14e3]
     written = {path.stem: path for path in write_tables(run)}
     table = read_rows(written["families"])
@@ -279,7 +279,7 @@ def test_few_samples_have_no_correlations(tmp_path):
 
 def test_limits_are_rows_of_a_table(run):
     """With the limit 0.02 of the scene one sample squeals, with any growth two of three."""
-    rows = limit_rows(beyond(run, 0.02), ["parametric", "classical"])
+    rows = cells(limit_rows(beyond(run, 0.02), ["parametric", "classical"]))
     assert [row[2:6] for row in rows] == [
         [-0.02, 1, 1, 3], [-0.01, 2, 2, 3], [0.0, 3, 2, 3],
         [-0.02, 1, 1, 1], [-0.01, 1, 1, 1], [0.0, 1, 1, 1],
@@ -305,5 +305,5 @@ def test_frequencies_have_the_digits_that_tell_them_apart(tmp_path):
     assert kilohertz([4647.1, 4647.1 + 1e-4]) == ["4.647", "4.647"]
     modes = [mode("parametric", k, n, 4647.1 + 0.2 * n, -0.02, n) for k in (0, 1) for n in (0, 1)]
     write_rows(tmp_path / "modes.csv", MODES, modes)
-    (row,) = approach_rows(read_run(tmp_path))
+    (row,) = cells(approach_rows(read_run(tmp_path)))
     assert row[-1] == "4.6471 kHz (2/2, -0.02); 4.6473 kHz (2/2, -0.02)"

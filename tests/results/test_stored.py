@@ -5,8 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from brake_fenicsx.results.stored import Results
-from brake_fenicsx.results.tables import SAMPLES, read_rows, write_rows
+from brake_fenicsx.results.counts import sample_facts, verification
+from brake_fenicsx.results.stored import StoredSamples
+from brake_fenicsx.results.tables import SAMPLES, write_rows
+from brake_fenicsx.samples.forces import mean_friction
+from run_tables import read_rows
 
 
 def sample(kind, missed, how="zeros of T(z)"):
@@ -23,7 +26,7 @@ def results(*samples):
     """Of one approach, its stored samples."""
     tasks = [("parametric", k) for k in range(len(samples))]
     files = dict(zip(tasks, samples, strict=True))
-    return Results(SimpleNamespace(samples=SimpleNamespace(load=files.get)), tasks)
+    return StoredSamples(SimpleNamespace(samples=SimpleNamespace(load=files.get)), tasks)
 
 
 def test_open_points_of_a_sample_reach_its_row_and_the_summary(tmp_path):
@@ -34,11 +37,11 @@ def test_open_points_of_a_sample_reach_its_row_and_the_summary(tmp_path):
         sample("counted", 1),
         {"status": "no equilibrium"},
     )
-    write_rows(tmp_path / "samples.csv", *found.samples())
+    write_rows(tmp_path / "samples.csv", [*found.rows], zip(*found.rows.values(), strict=True))
     rows = read_rows(tmp_path / "samples.csv")
     assert [row["complete"] for row in rows] == ["yes", "no", "no", ""]
     assert [row["tolerance_missed"] for row in rows] == [0, 3, 1, None]
-    about = found.facts()["samples"]["parametric"]
+    about = sample_facts(found)["samples"]["parametric"]
     assert (about["not_complete"], about["tolerance_missed"], about["neutral"]) == (2, 4, 3)
     assert about["largest_error"] == pytest.approx(8e-6)
 
@@ -50,9 +53,8 @@ def test_open_points_of_a_sample_reach_its_row_and_the_summary(tmp_path):
 @pytest.mark.parametrize("how", ["", "not counted: by hand, not proven", "complete, proven"])
 def test_the_kind_of_a_count_decides_and_no_word(how, kind, proven, said):
     found = results(sample(kind, 0, how))
-    heads, rows = found.samples()
-    assert dict(zip(heads, next(rows), strict=True))["complete"] == proven
-    about = found.facts()["samples"]["parametric"]
+    assert found.rows["complete"] == [proven]
+    about = sample_facts(found)["samples"]["parametric"]
     assert about["not_complete"] == (proven == "no")
     assert about["counted_by"] == said + how
 
@@ -66,8 +68,8 @@ def test_true_errors_of_verified_samples_are_compared_with_their_estimates():
         full = {"s": one["s"] + moved, "verdict": one["verdict"], "error": own}
         files = {("parametric", 0): one | {"error": estimate}, ("verify", 0): full}
         store = SimpleNamespace(samples=SimpleNamespace(load=files.get))
-        found = Results(store, [("parametric", 0)], [("verify", 0)], "parametric").facts()
-        check = found["verification"]
+        found = StoredSamples(store, [("parametric", 0)])
+        check = verification(found, [("verify", 0)], "parametric")
         assert (check["samples_compared"], check["errors_beyond_estimates"]) == (1, beyond)
         assert check["largest_relative_error"] == pytest.approx(3e-6)
 
@@ -76,11 +78,14 @@ def test_samples_without_modes_have_no_such_columns():
     data = sample("proven", 0)
     for name in ("s", "counted", "count_kind", "tolerance_missed"):
         del data[name]
-    assert results(data).samples()[0] == [*SAMPLES, "mu"]
+    assert [*results(data).rows] == [*SAMPLES, "mu"]
 
 
 def test_equal_friction_is_given_with_every_digit():
-    """samples.csv had it twice, in two precisions."""
+    """samples.csv had it twice, in two precisions; only elements that slide count."""
     mu = 0.24797111763653748
-    _, rows = results(sample("proven", 0) | {"mu": np.full(7, mu)}).samples()
-    assert next(rows)[4] == mu
+    for speed, values, mean in (
+        (np.ones(7), np.full(7, mu), mu), (np.ones(7), np.full(7, 0.1), 0.1),
+        ([1.0, 2.0, 0.0], np.array([0.2, 0.4, 0.9]), 0.3), (np.zeros(2), np.ones(2), 0.0),
+    ):  # fmt: skip
+        assert mean_friction(SimpleNamespace(speed=np.array(speed)), values) == mean

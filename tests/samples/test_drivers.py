@@ -11,9 +11,8 @@ import pytest
 
 from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.results.driver_tables import CONTACT_DRIVERS, DRIVERS, write_drivers
-from brake_fenicsx.results.stored import Results
-from brake_fenicsx.results.tables import read_columns
+from brake_fenicsx.results.driver_tables import contact_driver_table, driver_table
+from brake_fenicsx.results.stored import StoredSamples
 from brake_fenicsx.samples.solve import modes_of_sample, reduced_modes
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import read_scene
@@ -168,13 +167,12 @@ def test_loss_factor_of_a_layer_acts_at_the_reference(studied):
     np.testing.assert_allclose(loss, s / reference * stiffness, rtol=1e-9)
 
 
-def test_tables(studied, tmp_path):
+def test_tables(studied):
     """First sample, medians by hand, maps that add up; only what the reduced model gives to all."""
     study, data = studied("reduced")
     study.run()
-    results = Results(study.store, study.tasks)
-    write_drivers(tmp_path, results, 0.0)
-    table = read_columns(tmp_path / "drivers.csv", DRIVERS)
+    found = StoredSamples(study.store, study.tasks)
+    table = driver_table(found, 0.0).columns
     names = {*zip(table["parameter"], table["kind"], strict=True)}
     first, median = table["sample"] == "0", table["sample"] == "median"
     assert first.sum() == data["driver_value"].size == len(names) * growing(data).size
@@ -188,7 +186,7 @@ def test_tables(studied, tmp_path):
     i = np.flatnonzero(median & (table["kind"] == "friction"))[0]
     assert table["dalpha_dp_1_s"][i] == pytest.approx(by_hand[0], rel=1e-12)
     assert table["ddamping_dp"][i] == pytest.approx(by_hand[1], rel=1e-3)
-    maps = read_columns(tmp_path / "drivers_contact.csv", CONTACT_DRIVERS)
+    maps = contact_driver_table(found, 0.0).columns
     contact = first & (table["kind"] == "contact stiffness")
     np.testing.assert_allclose(
         maps["dalpha_dlnk_1_s"].sum(), table["dalpha_dp_1_s"][contact][0], rtol=1e-9
@@ -197,7 +195,7 @@ def test_tables(studied, tmp_path):
     assert maps["friction_work"].sum() == pytest.approx(growth, rel=1e-5)
 
 
-def test_a_sample_without_unstable_modes_has_no_drivers(studied, tmp_path):
+def test_a_sample_without_unstable_modes_has_no_drivers(studied):
     """Without friction nothing grows; the tables are empty."""
     study, _ = studied("reduced")
     sample = study.sample((MULTI, 0))
@@ -206,6 +204,4 @@ def test_a_sample_without_unstable_modes_has_no_drivers(studied, tmp_path):
     modes = reduced_modes(study.models, sample, eq)
     partner = np.full(len(modes), -1)
     assert study.drivers.of(sample, eq, True, modes, partner, True) == {}
-    none = Results(study.store, [])
-    write_drivers(tmp_path, none, 0.0)
-    assert read_columns(tmp_path / "drivers.csv", DRIVERS)["family"].size == 0
+    assert driver_table(StoredSamples(study.store, []), 0.0).columns["family"].size == 0

@@ -9,7 +9,6 @@ import pytest
 
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.folder.processes import in_turns, meanwhile
-from brake_fenicsx.results.stored import Results
 from brake_fenicsx.samples import ensemble
 from brake_fenicsx.samples.ensemble import run_ensemble
 
@@ -49,15 +48,6 @@ def test_failing_sample_is_kept_with_its_error(store):
     run_ensemble(TASKS, work, store, COMM)
     assert str(value(store, TASKS[7])["status"]) == "stalls"
     assert {str(value(store, t)["status"]) for t in TASKS if t[1] != 7} == {"ok"}
-
-
-def test_friction_is_printed_without_the_round_off_of_a_mean(store):
-    task = TASKS[0]
-    if COMM.rank == 0:
-        store.samples.save(task, status="ok", mu=np.full(7, 0.1), random_names=[])
-    COMM.Barrier()
-    _, rows = Results(store, [task]).samples()
-    assert next(rows)[4] == 0.1
 
 
 def test_defect_of_the_program_is_raised_on_all_processes(store):

@@ -9,7 +9,7 @@ import pytest
 
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.samples.reduction import LAYOUT
+from brake_fenicsx.samples.reduced_models import LAYOUT
 
 COMM, FILE = MPI.COMM_SELF, "cache/undamped.npz"
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"

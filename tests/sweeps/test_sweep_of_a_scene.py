@@ -12,9 +12,9 @@ import pytest
 from brake_fenicsx import prepare, sweep
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.report.critical_figures import draw_chart
 from brake_fenicsx.report.figures import make_figures
 from brake_fenicsx.report.html import write_report
+from brake_fenicsx.report.sweep_figures import draw_chart
 from brake_fenicsx.results.run import SWEEP as SWEEP_TABLES
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.sweeps.critical import critical_values

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.results.tables import read_columns
+from run_tables import read_columns
 
 SCENE = Path(__file__).parents[2] / "scripts" / "scenes" / "whole_brake.toml"
 FORCE = 1145.0

@@ -17,7 +17,6 @@ import numpy as np
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh, corners_of, numbered, same_length
 
-SUFFIXES = (".bdf", ".nas", ".fem")
 # Shells may mark faces, or become solids.
 SHELL_NODES = {"CTRIA3": 3, "CTRIAR": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUADR": 4, "CQUAD8": 8}
 _SOLIDS = {

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.macro.friction import Coefficient, Friction
+from brake_fenicsx.macro.friction import Coefficient, SlidingFriction
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.macro.patch_forces import patch_forces, sliding
 
@@ -52,7 +52,7 @@ class PeriodForces:
     yields: NDArray[np.bool_]
     w: Array
     g: Array
-    friction: Friction
+    friction: SlidingFriction
     followed: str = "N"
     coefficient: Coefficient | None = None
 

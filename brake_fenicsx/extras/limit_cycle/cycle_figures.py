@@ -38,7 +38,7 @@ NOTE = (
 
 def cycle_blocks(run: RunData) -> list[Block]:
     """The loudest families in words and numbers."""
-    table = run.cycles.get("limit_cycle_families")
+    table = run.extras.get("limit_cycle_families")
     if table is None or not table["family"].size:
         return []
     heads = [
@@ -62,14 +62,14 @@ def cycle_blocks(run: RunData) -> list[Block]:
             _text(cell["rank_by_loudness"], ".0f"), int(cell["rank_by_damping"]),
         ])  # fmt: skip
     return [
-        Text(" ".join([NOTE, *_doubts(run.cycles["limit_cycle"])])),
+        Text(" ".join([NOTE, *_doubts(run.extras["limit_cycle"])])),
         Table.without_empty(heads, rows),
     ]
 
 
 def draw_growth(run: RunData) -> Figure | None:
     """Growth rate over amplitude of the loudest families; cycles where it crosses zero."""
-    points, cycles = run.cycles.get("limit_cycle_growth"), run.cycles.get("limit_cycle")
+    points, cycles = run.extras.get("limit_cycle_growth"), run.extras.get("limit_cycle")
     if points is None or cycles is None or not points["mode"].size:
         return None
     names = [name for name in run.approaches if name in points["approach"]]
@@ -103,7 +103,7 @@ def draw_growth(run: RunData) -> Figure | None:
 
 def draw_loudness(run: RunData) -> Figure | None:
     """Level of the loudest families over the samples."""
-    cycles = run.cycles.get("limit_cycle")
+    cycles = run.extras.get("limit_cycle")
     if cycles is None or not np.isfinite(np.asarray(cycles[LEVEL], float)).any():
         return None
     levels, names = [], []
@@ -126,7 +126,7 @@ def draw_loudness(run: RunData) -> Figure | None:
 
 
 def _loudest(run: RunData, approach: str) -> list[int]:
-    table = run.cycles["limit_cycle_families"]
+    table = run.extras["limit_cycle_families"]
     own = table["approach"] == approach
     return [int(family) for family in table["family"][own][:MOST]]
 
@@ -136,14 +136,14 @@ def frequency_text(run: RunData, approach: str, family: int) -> str:
     for one in run.squeal.families(approach):
         if one.key == family:
             return one.kilohertz
-    table = run.cycles["limit_cycle_families"]
+    table = run.extras["limit_cycle_families"]
     own = (table["approach"] == approach) & (table["family"] == family)
     return kilohertz(table["frequency_hz"][own].tolist())[0]
 
 
 def loudness_text(run: RunData, approach: str, family: int) -> str:
     """How growth of a family ends, and how loud; empty without limit cycles."""
-    table = run.cycles.get("limit_cycle_families")
+    table = run.extras.get("limit_cycle_families")
     if table is None:
         return ""
     for i in np.flatnonzero((table["approach"] == approach) & (table["family"] == family)):

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,8 +18,8 @@ from numpy.typing import NDArray
 from brake_fenicsx.extras.limit_cycle.floquet import GIVES_WAY, UNDECIDED
 from brake_fenicsx.extras.limit_cycle.growth import STABLE, UNDAMPED
 from brake_fenicsx.extras.limit_cycle.sample import HEARD, MEASURES
-from brake_fenicsx.results.stored import Results
-from brake_fenicsx.results.tables import write_rows
+from brake_fenicsx.results.stored import StoredSamples
+from brake_fenicsx.results.tables import RowTable
 
 MODE = ("approach", "sample", "family", "mode")
 CYCLES = (*MODE, "linear_frequency_hz", "linear_alpha_1_s", "outcome", *MEASURES)
@@ -33,32 +32,34 @@ FAMILIES = (
 LOUDNESS = ("level_1m_db", "disc_mm_s", "gap_um")
 
 
-def write_cycles(folder: Path, results: Results) -> None:
-    """Write limit_cycle.csv, limit_cycle_growth.csv and limit_cycle_families.csv."""
-    rows = list(_cycles(results))
-    write_rows(folder / "limit_cycle.csv", CYCLES, rows)
-    write_rows(folder / "limit_cycle_growth.csv", GROWTH, _growth(results))
-    write_rows(folder / "limit_cycle_families.csv", FAMILIES, _families(rows))
+def cycle_tables(stored: StoredSamples) -> dict[str, RowTable]:
+    """Tables limit_cycle, limit_cycle_growth and limit_cycle_families, by their names."""
+    rows, texts = list(_cycles(stored)), ("approach", "outcome", "outcomes")
+    return {
+        "limit_cycle": RowTable(CYCLES, rows, texts),
+        "limit_cycle_growth": RowTable(GROWTH, _growth(stored), texts),
+        "limit_cycle_families": RowTable(FAMILIES, _families(rows), texts),
+    }
 
 
-def _cycles(results: Results) -> Iterator[list[Any]]:
+def _cycles(stored: StoredSamples) -> Iterator[list[Any]]:
     columns = ("cycle_mode", "cycle_kind", "cycle_values")
-    for place, s, (kind, values) in _stored(results, columns):
+    for place, s, (kind, values) in _stored(stored, columns):
         numbers = (float(v) if np.isfinite(v) else None for v in values)
         yield [*place, s.imag / (2 * np.pi), s.real, str(kind), *numbers]
 
 
-def _growth(results: Results) -> Iterator[list[Any]]:
+def _growth(stored: StoredSamples) -> Iterator[list[Any]]:
     columns = ("branch_mode", "branch_amplitude", "branch_s")
-    for place, _, (a, s) in _stored(results, columns):
+    for place, _, (a, s) in _stored(stored, columns):
         yield [*place, 1e6 * float(a), float(s.real), float(s.imag / (2 * np.pi))]
 
 
 def _stored(
-    results: Results, columns: tuple[str, ...]
+    stored: StoredSamples, columns: tuple[str, ...]
 ) -> Iterator[tuple[list[Any], complex, list[Any]]]:
     """Values of ``MODE`` of each stored row, the linear eigenvalue, and the other columns."""
-    for task, data, family in results.more:
+    for task, data, family in stored.with_arrays("cycle_", "branch_"):
         if columns[0] not in data:
             continue
         for mode, *values in zip(*(data[name] for name in columns), strict=True):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.extras.limit_cycle.contact_forces import PeriodForces
 from brake_fenicsx.extras.limit_cycle.sample import Faces, SampleCycles, Settings, cycles_of_modes
 from brake_fenicsx.extras.limit_cycle.sound import nodes_of
@@ -20,7 +21,8 @@ from brake_fenicsx.scene.friction import PERFECT
 from brake_fenicsx.stability.modes import Modes
 
 if TYPE_CHECKING:
-    from brake_fenicsx.samples.sampling import Sample
+    from brake_fenicsx.model import Model
+    from brake_fenicsx.samples.sampling import SampleInput
 
 
 class Cycles:
@@ -28,9 +30,7 @@ class Cycles:
 
     def __init__(self, scene: Scene, models: Models):
         """Gather the faces whose motion is measured."""
-        table, brake = scene.limit_cycle, models.brake
-        if table is None:
-            raise ValueError("a scene without [limit_cycle]")
+        table, brake = scene.section("limit_cycle"), models.brake
         pairs = [contact.faces for contact in scene.contact.values()]
         disc = table.radiating or tuple(dict.fromkeys(faces[1] for faces in pairs))
         pads = tuple(dict.fromkeys(faces[0] for faces in pairs))
@@ -43,7 +43,7 @@ class Cycles:
 
     def of(
         self,
-        sample: Sample,
+        sample: SampleInput,
         eq: Equilibrium,
         modes: Modes,
         partner: NDArray[np.intp],
@@ -66,7 +66,7 @@ class Cycles:
         cycles, slip = self.sample(sample, eq), sample.brake.contact.T
         return cycles_of_modes(cycles, modes, self._settings, self._faces, slip)
 
-    def sample(self, sample: Sample, eq: Equilibrium) -> SampleCycles:
+    def sample(self, sample: SampleInput, eq: Equilibrium) -> SampleCycles:
         """The equations of a sample; arguments as above."""
         reduction, scene, approach = self._models.reduction, self._scene, sample.approach
         model, interface = reduction.of(sample), sample.brake.contact.interface
@@ -82,3 +82,36 @@ class Cycles:
         )  # fmt: skip
         damped = reduction.damped(approach)
         return SampleCycles(model, sample.brake.point, forces, eq.p > 0, damped)
+
+
+def limit_cycles(
+    model: Model,
+    values: Mapping[str, float | str] | None = None,
+    approach: str | None = None,
+    sample: int = 0,
+) -> list[dict[str, Any]]:
+    """Limit cycles of the growing modes of a sample, each alone.
+
+    Args:
+        model: the scene, see ``prepare``.
+        values: scalars of the scene, as in ``Model.modes``.
+        approach: one of the scene's; its first if None.
+        sample: number of the sample.
+
+    Returns:
+        One record for each cycle: ``mode``, ``outcome`` and the measures of limit_cycle.csv;
+        ``branch``, amplitude [m] and alpha + i omega [1/s] of the points of its branch.
+
+    Raises:
+        SceneError: the scene has no section [limit_cycle].
+    """
+    if "limit cycles" not in model.study.beside:
+        raise SceneError(f"{model.scene.file}: limit_cycle: the section is missing")
+    found = model.work_beside("limit cycles", values, approach, sample)
+    points = np.array([found["branch_amplitude"], found["branch_s"]])
+    rows = zip(found["cycle_mode"], found["cycle_kind"], found["cycle_values"], strict=True)
+    names = ("mode", "outcome", "branch", *map(str, found["cycle_names"]))
+    branch = {i: points[:, found["branch_mode"] == i] for i in found["cycle_mode"]}
+    return [
+        dict(zip(names, (int(i), str(kind), branch[i], *row), strict=True)) for i, kind, row in rows
+    ]

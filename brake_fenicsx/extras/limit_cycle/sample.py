@@ -14,7 +14,7 @@ from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures import ReducedModel
 
 from .bodies import Array
-from .contact_forces import PatchForces
+from .contact_forces import PeriodForces
 from .floquet import UNDECIDED, exponents, verdict
 from .growth import STABLE, UNDAMPED, Cycle, GrowthBranch, follow, time_to_reach
 from .harmonic_balance import HarmonicBalance
@@ -82,7 +82,7 @@ class SampleCycles:
 
     model: ReducedModel
     p: Array
-    forces: PatchForces
+    forces: PeriodForces
     closed: NDArray[np.bool_]
     damped: bool
 

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.mac import mac
 from brake_fenicsx.report.style import BLUE, GREY, VERMILION, house_style, new_figure, panel, save
-from brake_fenicsx.results.families import mac
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import Scene, read_scene
 

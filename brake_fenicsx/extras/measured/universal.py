@@ -34,11 +34,11 @@ ELEMENTS = {4: (4, 111), 10: (4, 111), 8: (8, 115), 27: (8, 115)}
 COMPLEX_EIGENVALUE, TRANSLATIONS, DISPLACEMENT = 3, 2, 8
 
 
-def export_modes(directory: str | Path) -> Path:
+def export_modes(directory: str | Path | RunData) -> Path:
     """Write the mode shapes that a run stored for ParaView as modes.unv into its folder.
 
     Args:
-        directory: results folder of a finished run.
+        directory: results folder of a finished run, or its results already read.
 
     Returns:
         The file.
@@ -51,8 +51,8 @@ def export_modes(directory: str | Path) -> Path:
     stored = [(key, shape) for name in _approaches(run) for key, shape in _shapes(run, name)]
     if not stored:
         raise SceneError(
-            f"{directory}/fields: contains no mode shapes; a run stores those of its most severe"
-            ' squeal modes: run the scene with stages = [..., "stability",'
+            f"{run.directory}/fields: contains no mode shapes; a run stores those of its most"
+            ' severe squeal modes: run the scene with stages = [..., "stability",'
             ' "report"] and, if no mode squeals, a lower stability.threshold or more friction'
         )
     points, cells, used = _mesh(_file(run, stored[0][0].approach))

@@ -62,6 +62,9 @@ class Countermeasure:
         return f"{dotted(*parts)}={json.dumps(written)}"
 
 
+Countermeasures = tuple[Countermeasure, ...]
+
+
 def with_ends(scene: Scene, read: Callable[[str], Scene]) -> Scene:
     """A scene whose countermeasures are checked and know both ends in SI units.
 
@@ -72,14 +75,14 @@ def with_ends(scene: Scene, read: Callable[[str], Scene]) -> Scene:
     Raises:
         SceneError: the key, its value and the remedy.
     """
-    if scene.countermeasures and not {"stability", "uncertainty"} <= {*scene.stages}:
+    if not {"stability", "uncertainty"} <= {*scene.stages}:
         raise SceneError(
             "countermeasures: need modes of many samples; add stability and uncertainty to stages"
         )
-    if scene.countermeasures and not scene.samples.rough:
+    if not scene.samples.rough:
         raise SceneError(f"countermeasures: {NO_ROUGH_SAMPLES}")
     changes: dict[str, Countermeasure] = {}
-    for c in scene.countermeasures:
+    for c in scene.section("countermeasures"):
         try:
             name = dotted(*key_parts(c.key))
         except SceneError as error:
@@ -87,7 +90,7 @@ def with_ends(scene: Scene, read: Callable[[str], Scene]) -> Scene:
         if name in changes:
             raise SceneError(f"countermeasures.key = {c.key!r}: named twice; leave one out")
         changes[name] = _with_ends(scene, replace(c, key=name), read)
-    return replace(scene, countermeasures=tuple(changes.values()))
+    return replace(scene, countermeasures=tuple(changes.values()))  # type: ignore[call-arg]
 
 
 def _with_ends(scene: Scene, c: Countermeasure, read: Callable[[str], Scene]) -> Countermeasure:

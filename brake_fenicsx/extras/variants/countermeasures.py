@@ -37,7 +37,7 @@ from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.units import quantity_text
 
 from .comparison import compare_runs, write_comparison
-from .countermeasures_page import COLUMNS, write_countermeasures
+from .countermeasures_page import COLUMNS, countermeasures_text, write_countermeasures
 from .runs import Runs
 from .trial import MOST, Trial, Worst, enough, smallest_change, worst_family
 
@@ -70,7 +70,7 @@ class Search:
         self.scene = read_scene(scene, overrides)
         self.runs = Runs(scene, comm, folder, [*overrides, "countermeasures=[]"], cache)
         self._latest: tuple[dict[str, list[float]], Model] | None = None
-        named = self.scene.countermeasures
+        named = self.scene.section("countermeasures")
         if not named:
             raise SceneError(
                 f"{self.scene.file}: countermeasures: there are none; write [[countermeasures]]"
@@ -219,7 +219,7 @@ def find_countermeasures(
         "worst family: %.0f Hz, squeals in %d of %d samples", worst.count.frequency, share.hits,
         share.n,
     )  # fmt: skip
-    named = search.scene.countermeasures
+    named = search.scene.section("countermeasures")
     # All that one brake has come first.
     for c in sorted(named, key=lambda c: changes_bodies(search.scene, c.key)):
         if c.key not in search.found:
@@ -229,6 +229,8 @@ def find_countermeasures(
     ranked = sorted(named, key=lambda c: np.inf if known[c.key] is None else -known[c.key])
     cells = [[rank, *_row(search, c, worst, rank)] for rank, c in enumerate(ranked, 1)]
     rows = [dict(zip(COLUMNS, row, strict=True)) for row in cells]
+    if comm.rank == 0:
+        print(countermeasures_text(rows))
     return on_first(lambda: write_countermeasures(folder, worst, rows), comm)
 
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from brake_fenicsx import __version__
 from brake_fenicsx.report.blocks import Block, Picture, Text
+from brake_fenicsx.report.html import render, write_page
 from brake_fenicsx.report.overview import share_text
 from brake_fenicsx.report.style import BLUE, GREY, VERMILION, drawn, light_grid, new_figure
-from brake_fenicsx.report.template import render, write_page
 from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.tables import Value
 
@@ -152,7 +152,7 @@ def share_of(value: Value, samples: Value) -> str:
 def with_interval(row: Row, name: str) -> str:
     """A share of a row in per cent, with its interval where the row has one."""
     values = [row[name], row[f"{name}_low"], row[f"{name}_high"]]
-    text = share_text(values)
+    text = share_text(*values)
     return text if text != "-" or values[0] is None else f"{100 * float(values[0]):.0f} %"
 
 

@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import beta, binom
 
-from brake_fenicsx.build.shapes import FILE as SHAPES
-from brake_fenicsx.build.shapes import shapes_at_dofs
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.folder.processes import in_turns
-from brake_fenicsx.results.families import known_numbers, mac
+from brake_fenicsx.mac import mac
+from brake_fenicsx.results.families import known_numbers
+from brake_fenicsx.results.family_shapes import FILE as SHAPES
+from brake_fenicsx.results.family_shapes import shapes_at_dofs
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family, squeals
 from brake_fenicsx.results.statistics import Proportion, wilson

@@ -57,24 +57,24 @@
   function squealMap(data) {
     const svg = at("map-plot"), tip = at("map-tip"), space = svg.namespaceURI;
     const linear = 1e-4, edge = { left: 64, right: 12, top: 10, bottom: 40 };
-    const count = data.f.length;
-    const order = [...Array(count).keys()].sort((i, j) => data.f[i] - data.f[j]);
+    const count = data.frequency.length;
+    const order = [...Array(count).keys()].sort((i, j) => data.frequency[i] - data.frequency[j]);
     const scaled = (d) => Math.abs(d) <= linear ? 0.6 * d / linear
       : Math.sign(d) * (0.6 + Math.log10(Math.abs(d) / linear));
     const finite = (d) => d === null ? 0 : d;
     let most = 0.01, least = -0.01, top = 1;
     for (let i = 0; i < count; i += 1) {
-      most = Math.max(most, finite(data.d[i]));
-      least = Math.min(least, finite(data.d[i]));
-      top = Math.max(top, data.f[i]);
+      most = Math.max(most, finite(data.damping[i]));
+      least = Math.min(least, finite(data.damping[i]));
+      top = Math.max(top, data.frequency[i]);
     }
     const range = [scaled(least) - 0.25, scaled(most) + 0.25];
     const filter = { approach: at("map-approach"), family: at("map-family"), threshold: at("map-threshold") };
     let shown = [], place = { x: [], y: [] }, chosen = -1;
 
     const limit = () => Math.max(0, Number(filter.threshold.value) || 0);
-    const squeals = (i) => data.v[i] === 1 && data.d[i] !== null && data.d[i] < -limit();
-    const family = (i) => data.families[data.a[i] + ":" + data.g[i]];
+    const squeals = (i) => data.verdict[i] === 1 && data.damping[i] !== null && data.damping[i] < -limit();
+    const family = (i) => data.families[data.approach[i] + ":" + data.family[i]];
 
     function listFamilies() {
       const old = filter.family.value, only = filter.approach.value;
@@ -131,13 +131,13 @@
       shown = [];
       place = { x: new Float64Array(count), y: new Float64Array(count) };
       for (const i of order) {
-        if (own.approach !== "" && data.a[i] !== Number(own.approach)) { continue; }
-        place.x[i] = x(data.f[i]);
-        place.y[i] = y(data.d[i] === null ? least : data.d[i]);
-        const inside = own.family === "" || own.family === data.a[i] + ":" + data.g[i];
+        if (own.approach !== "" && data.approach[i] !== Number(own.approach)) { continue; }
+        place.x[i] = x(data.frequency[i]);
+        place.y[i] = y(data.damping[i] === null ? least : data.damping[i]);
+        const inside = own.family === "" || own.family === data.approach[i] + ":" + data.family[i];
         if (inside) { shown.push(i); }
-        const kind = !inside ? "other" : squeals(i) ? "squeal" : ["stable", "unstable", "neutral"][data.v[i]];
-        if (kind === "squeal") { hits += 1; samples.add(data.a[i] + ":" + data.s[i]); }
+        const kind = !inside ? "other" : squeals(i) ? "squeal" : ["stable", "unstable", "neutral"][data.verdict[i]];
+        if (kind === "squeal") { hits += 1; samples.add(data.approach[i] + ":" + data.sample[i]); }
         paths[kind] += "M" + place.x[i].toFixed(1) + " " + place.y[i].toFixed(1) + "h.01";
       }
       const many = shown.length > 3000;
@@ -154,13 +154,13 @@
     }
 
     function numbers(i) {
-      const d = data.d[i] === null ? "\u2212\u221e" : data.d[i].toPrecision(3).replace("-", "\u2212");
-      const lines = [(data.f[i] / 1e3).toFixed(3) + " kHz, damping " + d,
-        data.names[data.a[i]] + ", sample " + data.s[i] + ", mode " + data.m[i],
-        squeals(i) ? "squeal" : ["stable", "unstable, no squeal", "neutral"][data.v[i]],
-        data.g[i] < 0 ? "no family" : "family " + data.g[i] + (family(i) ? ": squeals in " + family(i).share : "")];
-      if (data.p[i] >= 0) { lines.push("partner: mode " + data.p[i]); }
-      lines.push("relative error of the eigenvalue " + (data.e[i] === null ? "not known" : data.e[i].toExponential(1)));
+      const d = data.damping[i] === null ? "\u2212\u221e" : data.damping[i].toPrecision(3).replace("-", "\u2212");
+      const lines = [(data.frequency[i] / 1e3).toFixed(3) + " kHz, damping " + d,
+        data.names[data.approach[i]] + ", sample " + data.sample[i] + ", mode " + data.mode[i],
+        squeals(i) ? "squeal" : ["stable", "unstable, no squeal", "neutral"][data.verdict[i]],
+        data.family[i] < 0 ? "no family" : "family " + data.family[i] + (family(i) ? ": squeals in " + family(i).share : "")];
+      if (data.partner[i] >= 0) { lines.push("partner: mode " + data.partner[i]); }
+      lines.push("relative error of the eigenvalue " + (data.error[i] === null ? "not known" : data.error[i].toExponential(1)));
       return lines;
     }
 
@@ -189,9 +189,9 @@
 
     function show(i) {
       if (i < 0) { return; }
-      const found = data.shapes[data.a[i] + ":" + data.s[i] + ":" + data.m[i]] || (family(i) || {}).shape;
+      const found = data.shapes[data.approach[i] + ":" + data.sample[i] + ":" + data.mode[i]] || (family(i) || {}).shape;
       const image = found ? at("shape-" + found) : null;
-      const same = found && found === data.shapes[data.a[i] + ":" + data.s[i] + ":" + data.m[i]];
+      const same = found && found === data.shapes[data.approach[i] + ":" + data.sample[i] + ":" + data.mode[i]];
       const said = image ? (same ? "The shape of this mode." : "The shape of the mode of this family with median damping.")
         : "No picture of this mode: shapes are drawn for the most severe families of each approach.";
       view(numbers(i)[0], image && (image.dataset.moving || image.src), [...numbers(i).slice(1), said].join("\n"));

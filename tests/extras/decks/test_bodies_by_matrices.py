@@ -19,10 +19,10 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.matrix_files import read_matrix
 from brake_fenicsx.extras.decks.superelement import doubts, read_superelement
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.results.tables import read_columns
 from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.parts import Matrices
+from run_tables import read_columns
 
 BLOCK = Path(__file__).parents[3] / "scripts" / "scenes" / "block_on_plate.toml"
 # Cells of 10 mm, so that block and cap have the same nodes where they meet.

@@ -17,7 +17,7 @@ from brake_fenicsx.extras.limit_cycle.growth import (
     time_to_reach,
 )  # fmt: skip
 from brake_fenicsx.extras.limit_cycle.harmonic_balance import HarmonicBalance, Tangent, Vibration
-from brake_fenicsx.macro.friction import Friction
+from brake_fenicsx.macro.friction import SlidingFriction
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
 from oscillators import first_vibration, matrices, no_growth, oscillator, van_der_pol
@@ -28,7 +28,7 @@ U0, P0, AREA = 0.3e-6, 10e6, 8e-6
 def patch(law, g=0.0, mu=0.0, speed=1.0, area=AREA, **more):
     laws = EnrichedGap(OneLaw(law), np.zeros(1, dtype=np.intp), np.zeros(1))
     one = np.ones(1)
-    friction = Friction(mu * one, 0 * one, speed * one, one > 0)
+    friction = SlidingFriction(mu * one, 0 * one, speed * one, one > 0)
     return PeriodForces(laws, one < 0, area * one, g * one, friction, **more)
 
 

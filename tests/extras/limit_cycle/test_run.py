@@ -21,13 +21,14 @@ from brake_fenicsx.extras.limit_cycle.cycle_figures import (
     loudness_text,
 )
 from brake_fenicsx.extras.limit_cycle.cycle_tables import CYCLES, FAMILIES, _families
+from brake_fenicsx.extras.limit_cycle.cycles import limit_cycles
 from brake_fenicsx.extras.limit_cycle.floquet import verdict
 from brake_fenicsx.extras.limit_cycle.growth import EXACTLY
 from brake_fenicsx.extras.limit_cycle.sample import MEASURES
 from brake_fenicsx.results.run import read_run
-from brake_fenicsx.results.tables import read_columns
 from brake_fenicsx.scene import read_scene
 from processes import parallel
+from run_tables import read_columns
 
 BLOCK = Path(__file__).parents[3] / "scripts" / "scenes" / "squealing_block.toml"
 PLAIN = [
@@ -121,7 +122,7 @@ def test_one_family_has_one_frequency_on_the_page(done):
 def test_a_cycle_that_gives_way_has_no_loudness(monkeypatch):
     """What takes its place was 3.3 times as large by time steps; its amplitude stays."""
     monkeypatch.setattr(cycle_sample, "verdict", lambda *_: "gives way: its period doubles")
-    (cycle,) = prepare(BLOCK, GIVEN).limit_cycles(sample=1)
+    (cycle,) = limit_cycles(prepare(BLOCK, GIVEN), sample=1)
     assert cycle["outcome"].startswith("gives way") and cycle["amplitude_um"] > 0.3
     assert np.isnan(cycle["level_1m_db"]) and np.isnan(cycle["sound_power_db"])
 
@@ -181,7 +182,7 @@ def test_two_processes_give_the_cycles_of_one(done, tmp_path):
 
 def test_python_gives_what_the_table_says(done):
     model = prepare(BLOCK, GIVEN)
-    (cycle,) = model.limit_cycles(sample=1)
+    (cycle,) = limit_cycles(model, sample=1)
     cycles = read_columns(done / "limit_cycle.csv")
     assert cycle["outcome"] == cycles["outcome"][1] and cycle["mode"] == cycles["mode"][1]
     for name in ("amplitude_um", "frequency_hz", "level_1m_db"):
@@ -189,7 +190,7 @@ def test_python_gives_what_the_table_says(done):
     amplitude, s = cycle["branch"]
     assert amplitude[0].real < 1e-6 * cycle["amplitude_um"] and s[0].real > 0 > s[-1].real
     with pytest.raises(SceneError, match="limit_cycle: the section is missing"):
-        prepare(BLOCK, PLAIN).limit_cycles()
+        limit_cycles(prepare(BLOCK, PLAIN))
 
 
 def test_a_mode_that_grows_less_than_the_threshold_is_not_followed(done):
@@ -197,7 +198,7 @@ def test_a_mode_that_grows_less_than_the_threshold_is_not_followed(done):
     cycles = read_columns(done / "limit_cycle.csv")
     growth = cycles["linear_alpha_1_s"] / (np.pi * cycles["linear_frequency_hz"])
     threshold = f"stability.threshold={1.1 * growth.max()}"
-    assert prepare(BLOCK, [*GIVEN, threshold]).limit_cycles(sample=1) == []
+    assert limit_cycles(prepare(BLOCK, [*GIVEN, threshold]), sample=1) == []
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,9 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.measured.measured import read_modes
 from brake_fenicsx.extras.measured.part_modes import part_modes, shapes_at
 from brake_fenicsx.extras.measured.study import paired
-from brake_fenicsx.results.families import mac
-from brake_fenicsx.results.tables import read_columns
+from brake_fenicsx.mac import mac
 from brake_fenicsx.scene import read_scene
+from run_tables import read_columns
 
 pyuff = pytest.importorskip("pyuff")
 SCENES = Path(__file__).parents[3] / "scripts" / "scenes"

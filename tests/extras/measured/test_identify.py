@@ -19,8 +19,8 @@ from brake_fenicsx.extras.measured.posterior import (
     misfit,
 )
 from brake_fenicsx.extras.measured.varied_body import VariedBody
-from brake_fenicsx.results.tables import read_rows
 from brake_fenicsx.scene import read_scene
+from run_tables import read_rows
 
 SCENES = Path(__file__).parents[3] / "scripts" / "scenes"
 PAD, BOX = SCENES / "lining_pad.toml", SCENES / "measured" / "aluminium_box.toml"

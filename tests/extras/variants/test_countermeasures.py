@@ -15,10 +15,10 @@ from brake_fenicsx.extras.variants import runs
 from brake_fenicsx.extras.variants.comparison import compare_runs
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.results.run import read_run
-from brake_fenicsx.results.tables import read_rows
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import result_digest
 from coarse_block import BLOCK, FRICTION, HEIGHT, ROUGH, levers
+from run_tables import read_rows
 
 COMM = MPI.COMM_SELF
 STIFFNESS = "materials.iron.E"

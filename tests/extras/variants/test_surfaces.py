@@ -10,8 +10,8 @@ from brake_fenicsx.extras.variants.surfaces import pressures, surface_rows
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.results.run import read_run
-from brake_fenicsx.results.tables import read_rows
 from brake_fenicsx.surface import given_statistics, synthesise
+from run_tables import read_rows
 
 SCENE = """\
 stages = ["surface", "micro"]

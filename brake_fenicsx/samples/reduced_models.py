@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from brake_fenicsx.build.box import Box
 from brake_fenicsx.build.damping_terms import with_modal_damping
 from brake_fenicsx.build.parametric import ParametricBrake
-from brake_fenicsx.build.shapes import body_centres
 from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+from brake_fenicsx.extensions import widest_band
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import Progress, logger
 from brake_fenicsx.folder.memory import release_memory
@@ -33,7 +33,7 @@ from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies, si_unit
 from brake_fenicsx.scene.units import quantity_text
 
-from .numbering import Numbering, dof_points
+from .numbering import Numbering, body_centres, dof_points
 from .sampling import friction_of_contact
 
 if TYPE_CHECKING:
@@ -43,20 +43,15 @@ if TYPE_CHECKING:
         ReducedModel,
     )
 
-    from .sampling import Sample
+    from .sampling import SampleInput
 
 Array = NDArray[np.float64]
-
-# Kept modes reach this multiple of the band for limit cycles, which meet higher harmonics: on the
-# block of the tutorials amplitudes are off by 29 % with 1.8, 7 % with 2.5, 0.7 % with 3 and 0.1 %
-# with 4.
-HARMONICS = 3.0
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
 LAYOUT = 12
 
 
-class Reduction:
+class ReducedModels:
     """Reduced models of a study.
 
     Attributes:
@@ -107,13 +102,13 @@ class Reduction:
         """Whether damping acts in an approach's samples."""
         return bool(active_terms(self._scene, approach))
 
-    def of(self, sample: Sample) -> ReducedModel:
+    def of(self, sample: SampleInput) -> ReducedModel:
         """The model of a sample that a reduced model takes."""
         return self.models[self.damped(sample.approach)]
 
-    def takes(self, sample: Sample) -> bool:
+    def takes(self, sample: SampleInput) -> bool:
         """Whether a reduced model takes a sample: its bodies lie in the box."""
-        changes, approach = sample.brake.brake.changes, sample.approach
+        changes, approach = sample.brake.reference.changes, sample.approach
         if changes is not None:
             changes.check_range(sample.values)
         if not self.by_reduction[approach]:
@@ -250,11 +245,11 @@ class Reduction:
         )  # fmt: skip
 
     def _cutoff(self, parameters: Parameters) -> float | None:
-        """Cutoff of the scene [Hz]; higher by itself where the bodies meet higher harmonics."""
-        settings = self.stability
-        if settings is None or settings.cutoff or self._scene.limit_cycle is None:
+        """Cutoff of the scene [Hz]; higher by itself where extras ask for it."""
+        settings, widest = self.stability, widest_band(self._scene)
+        if settings is None or settings.cutoff or not widest:
             return settings.cutoff if settings else None
-        return float(HARMONICS / np.sqrt(parameters.softening)) * settings.band[1]
+        return float(widest / np.sqrt(parameters.softening)) * settings.band[1]
 
     def _kept(self, file: str, made: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         """What an offline stage made, from the file that the first process writes; collective."""
@@ -273,8 +268,8 @@ class Reduction:
         acts = [stability.get("damping"), scene.table.get("motion")] if damped else None
         settings = self.stability
         accuracy = None if settings is None else [settings.tolerance, settings.cutoff]
-        if accuracy and scene.limit_cycle is not None:
-            accuracy.append(HARMONICS)
+        if accuracy and (widest := widest_band(scene)):
+            accuracy.append(widest)
         return [LAYOUT, ends, acts, accuracy]
 
     def depends(self, more: list[Any]) -> list[Any]:

@@ -17,7 +17,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,14 +30,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from brake_fenicsx import compat
-from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.elasticity import FreeDofs
-from brake_fenicsx.macro.faces import body_of_nodes
-from brake_fenicsx.scene import Scene
 
-from .brake import Brake
-from .part_builders import file_parts
-from .stated import left_out
+from .elasticity import FreeDofs
+from .faces import body_of_nodes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -52,36 +49,44 @@ FREE, SAME = 1e-5, 1e-3
 COINCIDENT = 1e-5
 # Share of the loads that no contact force balances.
 UNBALANCED = 1e-3
-# Sections that join or hold parts.
-JOINING = ("ties", "springs", "supports")
 
 
-def check_free_motions(scene: Scene, brake: Brake) -> list[str]:
-    """Refuse parts that move freely.
+@dataclass(frozen=True, slots=True)
+class FreeMotions:
+    """What nothing holds.
+
+    Attributes:
+        motions: parts that move freely, and how -> how many times.
+        pieces: part in several pieces with coincident nodes -> what is said of it.
+        unpressed: bodies that contact alone holds in some directions, and that the loads do not
+            press on it, a line each.
+    """
+
+    motions: Motions
+    pieces: dict[str, str]
+    unpressed: list[str]
+
+
+def free_motions(ops: Any, given: Iterable[str]) -> FreeMotions:
+    """Rigid motions that nothing holds.
 
     Args:
-        scene: the scene.
-        brake: its operators.
-
-    Returns:
-        Parts in several pieces with coincident nodes, and bodies that rest on contact unpressed.
-
-    Raises:
-        SceneError: the parts, the directions and the remedy.
+        ops: anything with ``elastic``, ``mesh``, ``N`` and ``f`` of a brake, the sizes of its
+            loads, ``pressed`` [N], and the displacements of its supports, ``lift``.
+        given: names of the parts that are given by matrices.
     """
-    held, R = _rigid_motions(brake.elastic.free)
-    joints = sp.vstack([held, _resisted(brake.elastic.K, R, ROUND_OFF[0])]).tocsr()
-    every = sp.vstack([joints, _resisted(brake.N, R, ROUND_OFF[1])]).tocsr()
+    held, R = _rigid_motions(ops.elastic.free)
+    joints = sp.vstack([held, _resisted(ops.elastic.K, R, ROUND_OFF[0])]).tocsr()
+    every = sp.vstack([joints, _resisted(ops.N, R, ROUND_OFF[1])]).tocsr()
     joined, touching = _connected(joints), _connected(every)
     sets = [*np.arange(len(joined))[:, None], *_sets(joined), *_sets(touching)]
-    names, pieces = _names_and_pieces(scene, brake, joined)
+    names, pieces = _names_and_pieces(ops, given, joined)
     moved = sp.vstack([held, R]).tocsc()
     each = (_null_space(_triangle(moved[:, i : i + 6])) for i in range(0, moved.shape[1], 6))
     motions = _named_motions(_triangle(every), block_diag(*each), sets, names)
     if motions:
-        raise SceneError(f"{scene.file}: {_refusal(scene, brake, motions, pieces)}")
-    merge = [f"{text}; merge them in the mesh" for text in pieces.values()]
-    return merge + _unpressed(brake, R, _triangle(joints), joined, names)
+        return FreeMotions(motions, pieces, [])
+    return FreeMotions(motions, pieces, _unpressed(ops, R, _triangle(joints), joined, names))
 
 
 def _rigid_motions(free: FreeDofs) -> tuple[sp.csr_matrix, sp.csr_matrix]:
@@ -196,7 +201,9 @@ def _parts(names: Names, bodies: Iterable[int]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for body in bodies for name in names[body]))
 
 
-def _names_and_pieces(scene: Scene, brake: Brake, joined: Index) -> tuple[Names, dict[str, str]]:
+def _names_and_pieces(
+    brake: Any, given: Iterable[str], joined: Index
+) -> tuple[Names, dict[str, str]]:
     """Parts of each body, several where they share nodes; and parts in pieces that nothing joins.
 
     Returns:
@@ -218,34 +225,11 @@ def _names_and_pieces(scene: Scene, brake: Brake, joined: Index) -> tuple[Names,
         apart = [(a, b) for a, b in combinations(each, 2) if joined[a] != joined[b]]
         if pairs := sum(trees[a].count_neighbors(trees[b], reach) for a, b in apart):
             pieces[part] = f"part {part}: {len(each)} pieces, {pairs} coincident node pairs"
-    given = [(name,) for name, part in scene.parts.items() if part.matrices is not None]
-    return (names + given)[: len(joined)], pieces
-
-
-def _refusal(scene: Scene, brake: Brake, motions: Motions, pieces: dict[str, str]) -> str:
-    """What moves freely, and the remedies."""
-    sentences = []
-    for (parts, how), count in motions.items():
-        bodies = f"{count} pieces of part" if count > 1 else "parts" if len(parts) > 1 else "part"
-        together = " together" if len(parts) > 1 else ""
-        sentences.append(f"{bodies} {' and '.join(parts)}{together}: free to {how}")
-    free = {name for parts, _ in motions for name in parts}
-    sentences += [
-        f"{text}: merge them in the mesh" for name, text in pieces.items() if name in free
-    ]
-    left = left_out(scene, brake.mesh.unread).values()
-    lost = [one.said for stated in left for one in stated if one.section in JOINING]
-    if lost and (of_file := [name for name in file_parts(scene) if name in free]):
-        whose = f"{scene.mesh.file}, the mesh of {' and '.join(of_file)}"
-        sentences.append(f"{whose}, has {' and '.join(lost)}, which the scene has not")
-    return (
-        f"{'; '.join(sentences)}. Hold them by supports, ties or springs; contact holds along its"
-        " normal alone"
-    )
+    return [*names, *((name,) for name in given)][: len(joined)], pieces
 
 
 def _unpressed(
-    brake: Brake, R: sp.csr_matrix, joints: Array, joined: Index, names: Names
+    brake: Any, R: sp.csr_matrix, joints: Array, joined: Index, names: Names
 ) -> list[str]:  # fmt: skip
     """Bodies that contact alone holds in some directions, and that the loads do not press on it.
 

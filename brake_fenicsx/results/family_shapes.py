@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from brake_fenicsx.samples.numbering import body_centres
+
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
@@ -75,14 +77,3 @@ def shapes_at_dofs(
     moves = points[:, 3] < 3
     found = shapes["shapes"][:, nearest, np.where(moves, points[:, 3], 0).astype(int)] * moves
     return np.asarray(found.T, dtype=complex)
-
-
-def body_centres(points: Array, body: Index) -> Array:
-    """Centre of the body of every dof [m], shape (dofs, 3).
-
-    Args:
-        points: coordinates [m] of every dof in the first three columns.
-        body: number of the body of every dof, shape (dofs,).
-    """
-    count = np.bincount(body)
-    return np.column_stack([np.bincount(body, x)[body] / count[body] for x in points[:, :3].T])

@@ -1,0 +1,29 @@
+"""The command init."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from brake_fenicsx.commands import argument, command
+
+
+@command(
+    "write a first scene of a mesh file: parts, faces, materials, contact, supports, loads",
+    argument("deck", metavar="MESH", complete="file",
+             help="mesh file: .inp, .cdb, .bdf, .msh, ..."),
+    argument("-o", dest="scene", metavar="SCENE.toml", complete="file",
+             help="the scene, ./MESH.toml"),
+    argument("--units", nargs=3, metavar=("mm", "t", "s"), help="consistent units of length, mass"
+             " and time of the file; guessed if not given"),
+    argument("--shells", choices=["solid"], help="make solids of the shells of a deck"),
+)  # fmt: skip
+def init(options: Any, comm: Any) -> str | None:
+    """Write a first scene."""
+    from .draft.text import write_scene  # starts PETSc on all processes
+
+    if comm.rank > 0:
+        return None
+    deck, scene = Path(options.deck), Path(options.scene or f"{Path(options.deck).stem}.toml")
+    written = write_scene(deck, scene, options.units, bool(options.shells))
+    return f"{written}\nnext: brake-fenicsx check {scene}"

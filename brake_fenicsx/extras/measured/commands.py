@@ -1,0 +1,61 @@
+"""The commands correlate, identify and export."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from brake_fenicsx.commands import ALLOW, DIRECTORY, SCENE, SET, argument, command, folder_of
+
+PART = argument("--part", metavar="NAME", help="the part, where the scene has several")
+SUPPORTED = argument("--supported", action="store_true", help="with the supports, springs and"
+                     " masses of the part's faces; free if not given")  # fmt: skip
+
+
+@command(
+    "compare the modes of a part of a scene with those of a modal test: frequencies and MAC",
+    SCENE, SET, ALLOW,
+    argument("test", metavar="TEST.unv", complete="file",
+             help="universal file: nodes and modes (55)"),
+    PART, SUPPORTED, folder_of("correlation"),
+)  # fmt: skip
+def correlate(options: Any, comm: Any) -> str:
+    """Compare a part with its test."""
+    from .study import correlate as compared
+
+    given = options.scene, options.test, options.part, options.supported
+    return compared(*given, options.directory, options.set, write=comm.rank == 0)
+
+
+@command(
+    "identify the constants of a part's material from the frequencies of its resonances",
+    SCENE, SET, ALLOW,
+    argument("--peaks", required=True, metavar="PEAKS.csv", help="table with the column"
+             " frequency_hz or frequency_khz, and q, specimen if there are any; or a universal file"
+             " of modes (55)"),
+    argument("--material", metavar="NAME", help="the material, if not the lining"),
+    argument("--prior", type=float, default=30.0, metavar="PERCENT",
+             help="standard deviation of each constant around the scene's; %(default)s"),
+    argument("--error", type=float, default=0.5, metavar="PERCENT",
+             help="standard deviation of a frequency, model and measurement; %(default)s"),
+    PART, SUPPORTED, folder_of("identified"),
+)  # fmt: skip
+def identify(options: Any, comm: Any) -> str:
+    """Identify constants of a material."""
+    from .identify import identify as identified
+
+    return identified(
+        options.scene, options.peaks, options.part, options.material, options.supported,
+        0.01 * options.prior, 0.01 * options.error, options.directory, options.set,
+        comm.rank == 0,
+    )  # fmt: skip
+
+
+@command(
+    "write the stored mode shapes of a results folder as a universal file, modes.unv",
+    DIRECTORY, alone=True,
+)  # fmt: skip
+def export(options: Any, comm: Any) -> str:
+    """Write the modes of a run."""
+    from .universal import export_modes
+
+    return f"wrote {export_modes(options.directory)}"

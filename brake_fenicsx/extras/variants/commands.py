@@ -1,0 +1,57 @@
+"""The commands budget, countermeasures and compare."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from brake_fenicsx.commands import ALLOW, CACHE, SCENE, SET, argument, command, folder_of
+
+AFTER_COUNTERMEASURES = """\
+The results folder holds countermeasures.html and .csv, the run of the scene (before/), and one run
+for each countermeasure that is enough (after-1/, ...), compared with it. The same command resumes
+an interrupted search. docs/countermeasures.md says what is searched and how."""
+
+
+@command(
+    "run a scene and its refinements: how much each changes the probability of squeal",
+    SCENE, SET, ALLOW, folder_of("budget"), CACHE,
+    argument("--minutes", type=float, metavar="T",
+             help="run only the refinements that fit in this time"),
+)  # fmt: skip
+def budget(options: Any, comm: Any) -> str:
+    """Write the error budget of a scene."""
+    from .budget import run_budget
+
+    given = options.scene, comm, options.directory, options.set, options.cache, options.minutes
+    return f"open {run_budget(*given)}"
+
+
+@command(
+    "find the smallest change of each of the scene's countermeasures that stops the squeal",
+    SCENE, SET, ALLOW, folder_of("countermeasures"), CACHE, epilog=AFTER_COUNTERMEASURES,
+)  # fmt: skip
+def countermeasures(options: Any, comm: Any) -> str | None:
+    """Find what stops the squeal."""
+    from .countermeasures import find_countermeasures
+
+    given = options.scene, comm, options.directory, options.set, options.cache
+    page = find_countermeasures(*given)
+    if comm.rank > 0 or page is None:
+        return None
+    return f"open {page}"
+
+
+@command(
+    "compare two runs: families, change of probability; or two surfaces and their laws",
+    argument("first", metavar="A", complete="folder", help="results folder of a run"),
+    argument("second", metavar="B", complete="folder", help="results folder of another run"),
+    argument("-o", dest="directory", metavar="DIR", default=".", complete="folder",
+             help="folder of the comparison, . if not given"),
+    alone=True,
+)  # fmt: skip
+def compare(options: Any, comm: Any) -> str:
+    """Compare two runs."""
+    from .comparison import comparison_text, write_comparison
+
+    page = write_comparison(options.first, options.second, options.directory)
+    return f"{comparison_text(options.first, options.second)}\nopen {page}"
