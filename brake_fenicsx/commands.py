@@ -135,7 +135,7 @@ def prepare(options: Any, comm: Any) -> None:
 def schema(options: Any, comm: Any) -> str:
     """Print the JSON Schema of a scene, by which editors complete and check its keys."""
     from brake_fenicsx.scene import scene_type
-    from brake_fenicsx.scene.tables import json_schema
+    from brake_fenicsx.scene.keys import json_schema
 
     return json.dumps(json_schema(scene_type()), indent=1)
 

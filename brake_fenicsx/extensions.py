@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     import scipy.sparse as sp
     from numpy.typing import ArrayLike, NDArray
 
-    from brake_fenicsx.build.brake import Brake
     from brake_fenicsx.micro.law import Law
 
     Array = NDArray[np.float64]
@@ -184,7 +183,7 @@ class FrictionLaw(Protocol):
 class DampingTerm(Protocol):
     """Damping of the bodies, the same in all samples."""
 
-    def matrix(self, brake: Brake) -> sp.csr_matrix:
+    def matrix(self, brake: Any) -> sp.csr_matrix:
         """Damping matrix [N s/m], in the dofs of ``brake.M`` and ``brake.K``."""
 
 

@@ -25,7 +25,7 @@ SCENES |= {
 @pytest.fixture(scope="module")
 def validator():
     from brake_fenicsx.scene import scene_type
-    from brake_fenicsx.scene.tables import json_schema
+    from brake_fenicsx.scene.keys import json_schema
 
     schema = json_schema(scene_type())
     jsonschema.Draft202012Validator.check_schema(schema)
