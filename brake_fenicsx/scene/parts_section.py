@@ -230,7 +230,7 @@ def layers_of_thickness(part: Part, name: str) -> tuple[str, ...]:
     if part.builder is None:
         layer = name.removeprefix(FILE_LAYER)
         return (layer,) if layer in part.layers and layer != name else ()
-    named = getattr(part.shape, "thicknesses", lambda _: {})(part.parameters)
+    named: dict[str, Any] = getattr(part.shape, "thicknesses", lambda _: {})(part.parameters)
     return tuple(named.get(name, ()))
 
 
