@@ -63,7 +63,8 @@ class Extra:
             arrays to store; the reduced model serves it.
         band: kept modes of the reduced model reach this multiple of the band for it.
         arrays: how names of these arrays begin.
-        stage: ``stage(run, study)``, after the results; collective.
+        stage: ``stage(run, study)``, after the results; collective; it gives a ``RowTable`` by
+            stem on the first process.
         tables: stems of its tables, which ``RunData.extras`` holds.
         make_tables: ``tables(stored)``, a ``RowTable`` by stem, from the stored samples.
         figures: name of a figure -> ``draw(run)``, and its caption.

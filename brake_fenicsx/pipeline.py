@@ -322,7 +322,7 @@ def mechanics(
     with this.stage("results"):
         if this.comm.rank == 0:
             this.store.forget_tables()
-        from brake_fenicsx.results.output import write_results
+        from brake_fenicsx.results.output import save_stage, write_results
 
         first = write_results(study)
         if sweep is not None:
@@ -353,7 +353,7 @@ def mechanics(
     for extra in named(this.scene):
         if extra.stage:
             with this.stage(extra.name):
-                load(extra.stage)(this, study)
+                save_stage(this.store, extra.name, load(extra.stage)(this, study) or {})
 
 
 def draw_mesh(this: Run, brake: Brake) -> None:

@@ -203,7 +203,7 @@ class SampleBlock:
         return [next(values).item() if there else default for there in self.sizes(name)]
 
 
-class Blocks:
+class StoredBlocks:
     """All blocks of some samples, in the order of the tasks; looked at again and again."""
 
     def __init__(self, store: Store, tasks: Sequence[Task], tabulate: Tabulation):

@@ -230,7 +230,8 @@ def layers_of_thickness(part: Part, name: str) -> tuple[str, ...]:
     if part.builder is None:
         layer = name.removeprefix(FILE_LAYER)
         return (layer,) if layer in part.layers and layer != name else ()
-    named: dict[str, Any] = getattr(part.shape, "thicknesses", lambda _: {})(part.parameters)
+    lengths = getattr(part.shape, "thicknesses", None)
+    named = {} if lengths is None else lengths(part.parameters)
     return tuple(named.get(name, ()))
 
 

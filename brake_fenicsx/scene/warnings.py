@@ -36,8 +36,7 @@ def _bands(scene: Scene) -> Iterator[str]:
 def _random(scene: Scene) -> Iterator[str]:
     """Numbers of random inputs, which have the band of the key they replace."""
     kinds = (ContactTable, Load, MaterialTable, Classical)
-    about: dict[str, Mapping[str, Any]]
-    about = {f.name: f.metadata for cls in kinds for f in fields(cls)}
+    about: dict[str, Mapping[str, Any]] = {f.name: f.metadata for c in kinds for f in fields(c)}
     for name, law in scene.samples.random.items():
         _, _, last = split_key(name)
         scalar = about.get(last) or about.get(last.partition("_")[0], {})
