@@ -18,7 +18,7 @@ SCENES = {path.name: path.read_text() for path in (ROOT / "scripts" / "scenes").
 SCENES |= {
     f"{page.name} {i}": text
     for page in (ROOT / "docs").glob("*.md")
-    for i, text in enumerate(re.findall(r"```toml\n(.*?)```", page.read_text(), re.S))
+    for i, text in enumerate(re.findall(r"```toml\n(?!\[project)(.*?)```", page.read_text(), re.S))
 }
 
 

@@ -14,11 +14,7 @@ from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.surface_section import Surface
 from brake_fenicsx.surface.readers import read_topography
 from brake_fenicsx.surface.record import SurfaceStatistics
-from brake_fenicsx.surface.statistics import (
-    averaged,
-    characterise,
-    given_statistics,
-)
+from brake_fenicsx.surface.statistics import averaged, characterise, given_statistics
 from brake_fenicsx.surface.topography import Topography, on_grid_of
 
 MAX_SCAN = 0.5  # m
