@@ -143,13 +143,13 @@ def count_samples() -> None:
     """Parts of a reduced sample."""
 
     def square(self: online.Sample) -> float:
-        return float(len(self._rows.followed) * self.count) ** 2
+        return float(len(self.rows.followed) * self.closed.count) ** 2
 
     def assembly(_: None, self: online.Sample, *args: Any) -> tuple[str, str, float, float]:
-        acting = len(self._rows.acting) / len(self._rows.followed)
+        acting = len(self.rows.acting) / len(self.rows.followed)
         read = sum(
-            len(view.D) * (len(self._rows.followed) * at.here.size) ** 2 * acting
-            for view, at in zip(self.views, self.closed, strict=True)
+            len(view.D) * (len(self.rows.followed) * here.size) ** 2 * acting
+            for view, here in zip(self.views, self.closed.here, strict=True)
         )
         return "samples", "assembly of E", 4 * read, 8 * (3 * read + len(self.E) * square(self))
 

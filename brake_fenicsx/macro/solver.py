@@ -66,6 +66,8 @@ class Factor:
             options[name] = MUMPS[name]
         try:
             self._ksp.setFromOptions()
+            pc.setFactorSetUpSolverType()
+            self._prepare(pc.getFactorMatrix())
             self._ksp.setUp()
         except PETSc.Error as error:
             raise InaccurateResult(f"MUMPS cannot factor the matrix: {error}") from error
@@ -86,6 +88,9 @@ class Factor:
         self.gigabytes: float = F.getMumpsInfog(22) / 1e3
         self._F = F
         self.seconds: float = time.perf_counter() - start
+
+    def _prepare(self, F: PETSc.Mat) -> None:
+        """Settings of the factor before it is computed."""
 
     def solve(self, b: Array | sp.csc_matrix) -> Array:
         """Solve for right-hand sides.

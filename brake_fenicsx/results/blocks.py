@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.folder import sample_files
-from brake_fenicsx.folder.sample_files import FOLDER, Arrays, Task
+from brake_fenicsx.folder.arrays import Arrays
+from brake_fenicsx.folder.sample_files import FOLDER, Task
 from brake_fenicsx.folder.store import Store
 
 from .families import ModeFamilies

@@ -28,7 +28,7 @@ from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import active_terms, lone_samples, reduced_approaches
+from brake_fenicsx.scene.approaches import active_terms, lone_samples, reduced_approaches
 from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies, si_unit
 from brake_fenicsx.scene.units import quantity_text
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
-LAYOUT = 11
+LAYOUT = 12
 
 
 class ReducedModels:
@@ -240,7 +240,7 @@ class ReducedModels:
         return ReducedModel.offline(
             bodies, brake.w, band, parameters, followed, stability.tolerance,
             self._cutoff(parameters), usual, self._comm,
-            lambda total: Progress("solves of the reduced model", total).advance,
+            lambda total: Progress("factors of the reduced model", total).advance,
             lambda made: self._kept(file, made),
         )  # fmt: skip
 

@@ -8,7 +8,7 @@ import pytest
 from brake_fenicsx.results.accuracy import eigenvalue_errors
 from brake_fenicsx.samples.solve import _missed
 from brake_fenicsx.stability.modes import relative_errors
-from brake_fenicsx.stability.substructures.interpolated import InterpolatedMoments
+from brake_fenicsx.stability.substructures.interpolated import InterpolatedCoefficients
 from brake_fenicsx.sweeps.matching import equal
 from brake_fenicsx.sweeps.state import State
 from dense_reference import all_damped
@@ -51,7 +51,7 @@ def test_gain_of_moments_that_hardly_change(last):
 
     A body far above the band: a ratio of two round-offs was nan, and with it every verdict neutral.
     """
-    moments, rng = InterpolatedMoments([4], [4, 2, 1]), np.random.default_rng(0)
+    moments, rng = InterpolatedCoefficients([4], [4, 2, 1]), np.random.default_rng(0)
     A = rng.standard_normal((3, 4, 4)) * np.array([1.0, 1e-9, last])[:, None, None]
     for i in moments.order:
         x, n = float(moments.points[i][0]), moments.counts[i]
@@ -59,7 +59,7 @@ def test_gain_of_moments_that_hardly_change(last):
     arrays = moments.arrays()
     assert np.all(np.isfinite(arrays["gain"]))
     known = {**arrays, "higher": arrays["higher"], "checks": arrays["checks"]}
-    D, errors, growth = InterpolatedMoments([4], [4, 2, 1], known).at(np.array([0.37]))
+    D, errors, growth = InterpolatedCoefficients([4], [4, 2, 1], known).at(np.array([0.37]))
     assert np.isfinite(growth) and all(np.isfinite(e).all() for e in errors)
     off = [np.abs(D[n] - A[n] / (1 + 0.2 * 0.37)).max() for n in range(3)]
     stated = [sum(np.abs(e[n]).max() for e in errors) for n in range(3)]

@@ -1,5 +1,6 @@
 """The reduced model against dense full order: every kind of brake, every mode of the band."""
 
+from itertools import pairwise
 from mmap import mmap
 from types import SimpleNamespace
 
@@ -23,8 +24,8 @@ from brake_fenicsx.stability import (
 )
 from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.substructures import CONSTANT, reduction
-from brake_fenicsx.stability.substructures.interpolated import InterpolatedMoments
-from brake_fenicsx.stability.substructures.moments import Complement
+from brake_fenicsx.stability.substructures.complement import Complement
+from brake_fenicsx.stability.substructures.interpolated import InterpolatedCoefficients
 from brake_fenicsx.stability.substructures.parameters import Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros
 from brake_fenicsx.stability.substructures.substructure import mirror_image
@@ -45,6 +46,8 @@ from reduced_samples import (
 from tables import turns
 
 KINDS = [case for case in CASES if case not in ("dashpot", "little", "contrast")]
+# Round-off of coefficients in single precision, which eigenvalues feel in part.
+SINGLE = 6e-8
 POINTS = (0.0, (0.3, -0.5)), (0.5, (-1.0, -1.0)), (1.0, (0.7, 0.9))
 
 
@@ -94,14 +97,14 @@ def test_some_of_these_flutter(two_blocks):
 
 
 def test_tolerance_buys_accuracy(two_blocks):
-    """More moments and higher degrees: true errors fall, and so do the estimates."""
+    """More points and higher degrees: errors fall down to single precision, and so do estimates."""
     scene = two_blocks("coarse")
     sample = Sample(scene, x=(-1.0, -1.0), mu=0.5, seed=1)
     found = [sample.modes(offline(scene, changing=True, tolerance=t)) for t in (1e-2, 1e-5, 1e-7)]
     true = [sample.agrees(modes) for modes in found]
     stated = [float((m.error / np.abs(m.s)).max()) for m in found]
-    assert true[1] < true[0] / 4 and true[2] < true[1] / 4
-    assert stated[1] < stated[0] / 4 and stated[2] < stated[1] / 4
+    for errors, least in ((true, SINGLE), (stated, 10 * SINGLE)):
+        assert all(b < max(a / 4, least) for a, b in pairwise(errors))
     assert stated[1] < 1e-4
 
 
@@ -472,7 +475,7 @@ def test_moments_between_the_anchors(degrees, digits):
     first, else of double precision.
     """
     rng = np.random.default_rng(3)
-    moments = InterpolatedMoments((degrees[0],) * 2, degrees)
+    moments = InterpolatedCoefficients((degrees[0],) * 2, degrees)
     assert sorted(moments.order) == [*range(len(moments.points))] and moments.order[0] == 0
     assert np.all(np.diff([moments.counts[i] for i in moments.order]) <= 0)
     powers = [[(i, j) for i in range(n + 1) for j in range(n + 1 - i)] for n in degrees]
@@ -488,11 +491,11 @@ def test_moments_between_the_anchors(degrees, digits):
         return np.array(out)
 
     for more in (0.0, 1e-3):
-        made = InterpolatedMoments((degrees[0],) * 2, degrees)
+        made = InterpolatedCoefficients((degrees[0],) * 2, degrees)
         for i in made.order:
             made.add(i, exact(made.points[i], more)[: made.counts[i]])
         arrays = made.arrays()
-        known = InterpolatedMoments((degrees[0],) * 2, degrees, arrays)
+        known = InterpolatedCoefficients((degrees[0],) * 2, degrees, arrays)
         for x in rng.uniform(-1, 1, (5, 2)):
             D, errors, growth = known.at(x)
             assert growth == 1.0 and all(A.dtype == np.float32 for A in D[1:])

@@ -25,32 +25,16 @@ def reduced_bodies(model: ReducedModel, p: Array, mu: Array) -> Bodies:
         mu: friction coefficients of the elements. Where no force follows a rate, friction is mu
             times the normal force, and normal forces are the only acting rows.
     """
-    f, g = len(model.rows.followed), len(model.rows.acting)
-    size, views, c = model.bodies[-1].modes.stop, model.at(p), mu.size
-    count = len(views[0].D)
-    coupled = any(body.component.coupled for body in model.bodies)
-    own = np.zeros((len(views[0].modal), size, size))
-    coupling = np.zeros((count * coupled, size, size))
-    lead: Array = np.zeros((count if coupled else 1, size, g * c))
-    D: Array = np.zeros((count, f * c, g * c))
-    source = np.zeros((len(lead), f * c, size))
+    b, c, views = model.blocks(p), mu.size, model.at(p)
+    lead, n = b.lead, len(views[0].modal)
+    D: Array = np.array(b.D, float)
+    # The kept modes follow any lambda, what they leave out does not.
+    kept, coupling = np.zeros((n, *b.own.shape[1:])), np.array(b.own)
     for body, view in zip(model.bodies, views, strict=True):
-        comp, modes, m = body.component, body.modes, body.elements.size
-        followed, acting = (
-            (body.elements + c * np.arange(blocks)[:, None]).ravel() for blocks in (f, g)
-        )
-        own[:, modes, modes] += view.modal
-        lead[0][modes, acting] += view.acting.T
-        source[0][followed, modes] += view.followed
-        for n, A in enumerate(view.D):
-            D[n][np.ix_(followed, acting)] += A[: f * m, : g * m]
-            if comp.coupled:
-                X = slice(g * m, g * m + comp.W.shape[1])
-                coupling[n, modes, modes] -= A[f * m :, X]
-                lead[n][modes, acting] -= A[f * m :, : g * m]
-                source[n][followed, modes] -= A[: f * m, X]
+        kept[:, body.modes, body.modes] = view.modal
+    coupling[:n] -= kept
     if model.rows.followed == "N":
-        lead, D = (A[..., :c] + mu * A[..., c:] for A in (lead, D))
+        lead, D = lead[..., :c] + mu * lead[..., c:], D[..., :c] + mu * D[..., c:]
     omega = 2 * np.pi * model.band[1]
     unit = omega**2
     end = np.abs(model.rows.variable(model.scaled(np.array(1j * omega))))
@@ -59,8 +43,8 @@ def reduced_bodies(model: ReducedModel, p: Array, mu: Array) -> Bodies:
     def weights(lam: Complex) -> tuple[Complex, Complex]:
         w = model.rows.variable(model.scaled(lam))
         held = w * np.minimum(1.0, reach / np.abs(w))
-        powers = held ** np.arange(count)[:, None]
-        return np.concatenate([w ** np.arange(len(own))[:, None], powers]), powers
+        powers = held ** np.arange(len(D))[:, None]
+        return np.concatenate([w ** np.arange(n)[:, None], powers]), powers
 
     lead, D = np.asarray(lead / unit, float), np.asarray(D / unit, float)
-    return Bodies(np.concatenate([own, coupling]), lead, source, D, weights)
+    return Bodies(np.concatenate([kept, coupling]), lead, b.source, D, weights)

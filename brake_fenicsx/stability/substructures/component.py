@@ -1,13 +1,13 @@
-"""One substructure of the reduced model: kept modes, projected matrices, interpolated moments.
+"""One substructure of the reduced model: kept modes, projected matrices, polynomials of the rest.
 
 The kept modes W are those of the centre of the parameter box alone, below a cutoff. If
 K(p) >= r K(0), the theorem of Courant and Fischer places every pole of the complement S(w; p)
-beyond r cutoff^2, for every p: the moments D_n(p) fall geometrically and are smooth functions of p,
-and no mode below that limit can be missed anywhere in the box, by one inertia count at the centre.
-Where the shape of a body changes, its rigid motions do, and there is no such r: the lowest pole is
-computed at the corners of the box of the shapes (``reduction``).
-W'P(w; p)W is affine and exact; D_n(p) is interpolated, with a degree that falls with n. v stays
-orthogonal to W in the mass of the centre.
+beyond r cutoff^2, for every p: the coefficients D_n(p) of what is left out in powers of w fall
+geometrically and are smooth functions of p, and no mode below that limit can be missed anywhere in
+the box, by one inertia count at the centre. Where the shape of a body changes, its rigid motions
+do, and there is no such r: the lowest pole is computed at the corners of the box of the shapes
+(``reduction``). W'P(w; p)W is affine and exact; D_n(p) is interpolated, with a degree that falls
+with n. v stays orthogonal to W in the mass of the centre.
 
 The reduced bodies in the brake: each one itself, or a mirror image of another one.
 """
@@ -22,9 +22,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .interpolated import InterpolatedMoments, Moments
-from .moments import SIGMA, Rows, coupled, shifted_polynomial
+from ..modes import Complex
+from .frequency import Polynomial
+from .interpolated import InterpolatedCoefficients, Powers
 from .parameters import CONSTANT, Parameters
+from .rows import SIGMA, Rows, shifted_polynomial
 from .substructure import SAME_ENTRY, MirrorImage, Substructure, mirror_image, turned_across
 
 Array = NDArray[np.float64]
@@ -39,15 +41,15 @@ class AtPoint:
 
     Attributes:
         modal: W'P_n W, in units of the band's end, shape (2 or 3, modes, modes).
-        D: moments, each of shape (rows, columns).
-        errors: estimates of the errors of D, see ``InterpolatedMoments.at``.
+        D: coefficients, each of shape (rows, columns).
+        errors: estimates of the errors of D, see ``InterpolatedCoefficients.at``.
         growth: how much larger they may be at this point.
         followed: motions of the kept modes that forces follow, shape (followed rows, modes).
         acting: motions along which forces act, shape (acting rows, modes).
     """
 
     modal: Array
-    D: Moments
+    D: Powers
     errors: list[NDArray[np.float32]]
     growth: float
     followed: Array
@@ -63,6 +65,8 @@ class Component:
         kappa: their eigenvalues at the centre of the box [1/s^2].
         loads: loads on the kept modes [N], shape (loads, modes).
         coupled: whether D has rows and columns of the kept modes.
+        missing: what the polynomials lack of D at the end of the band, real and imaginary parts,
+            shape (1 or 2, rows, columns).
         reach: no pole of what is left out lies below it anywhere in the box, over the band's end.
     """
 
@@ -80,13 +84,14 @@ class Component:
         self.body = body = Substructure.from_arrays(arrays)
         self.W, self.kappa, self.reach = arrays["W"], arrays["kappa"], float(arrays["reach"])
         self._beyond = arrays["beyond"]
-        self.loads, self.coupled = body.loads.T @ self.W, coupled(body)
+        self.missing, self._polynomial = arrays["missing"], Polynomial(arrays["points"], rows)
+        self.loads, self.coupled = body.loads.T @ self.W, bool(arrays["coupled"])
         self._rows, self._omega, self._parameters = rows, omega, parameters
         (self._K, self._M, *self._changes), self._C = arrays["modal"], arrays["modal_C"]
         self._own = parameters.acting_on(list(body.changes), body.elements.size)
         degrees = [int(degree) for degree in arrays["degrees"]]
         orders = [int(order) for order in arrays["orders"]]
-        self._moments = InterpolatedMoments(orders, degrees, arrays)
+        self._coefficients = InterpolatedCoefficients(orders, degrees, arrays)
         self._constant: AtPoint | None = None
         self._still = self._motions(body.interface)
 
@@ -97,9 +102,13 @@ class Component:
             return self._constant
         rows = self.interface(x)
         motions = self._still if rows is self.body.interface else self._motions(rows)
-        found = AtPoint(self._modal(x), *self._moments.at(own), *motions)
+        found = AtPoint(self._modal(x), *self._coefficients.at(own), *motions)
         self._constant = None if own.size else found
         return found
+
+    def growth(self, w: Complex) -> Array:
+        """Error of the polynomials at some w over that at the end of the band."""
+        return self._polynomial.growth(w, self.reach)
 
     @property
     def mass(self) -> sp.csr_matrix:
@@ -120,7 +129,8 @@ class Component:
 
     def polynomial(self, x: Array) -> list[sp.csr_matrix]:
         """P_0, P_1, ... at a point of the box, at full order."""
-        return polynomial(self.body, self._parameters, x, self._omega, self._rows, self._beyond)
+        given = self.body, self._parameters, x, self._omega, self._beyond
+        return shifted_polynomial(*matrices(*given), self._rows)
 
     def _modal(self, x: Array) -> Array:
         """W'P_n W in units of the band's end."""
@@ -161,17 +171,16 @@ def interface_at(
     return out
 
 
-def polynomial(
-    body: Substructure, parameters: Parameters, x: Array, omega: float, rows: Rows, beyond: Array
-) -> list[sp.csr_matrix]:
-    """P_0, P_1, ... of a body at full order at a point of the box.
+def matrices(
+    body: Substructure, parameters: Parameters, x: Array, omega: float, beyond: Array
+) -> tuple[sp.csr_matrix, sp.csr_matrix | None, sp.csr_matrix]:
+    """K, C and M of a body at full order at a point of the box, in units of the band's end.
 
     Args:
         body: the body.
         parameters: of all bodies.
         x: the point, shape (d,).
         omega: end of the band [rad/s].
-        rows: blocks of its contact rows.
         beyond: damping of what the kept modes leave out, see ``Substructure.damping_beyond``. It
             couples nothing with the kept modes, of the same M and the K of the centre of the box.
     """
@@ -181,7 +190,8 @@ def polynomial(
         K = body.stiffness(parameters.centre)
         left_out = beyond[0] * body.M + beyond[1] * K
         C = left_out if C is None else C + left_out
-    return shifted_polynomial(body.stiffness(c), C, body.mass(c), omega, rows)
+    K = (body.stiffness(c) / omega**2).tocsr()
+    return K, None if C is None else (C / omega).tocsr(), body.mass(c)
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,21 +211,6 @@ class Placed:
     dofs: Index
     signs: Array
     modes: slice
-
-
-def square_of(at: Index, down: int = 0, right: int = 0) -> tuple[Any, Any]:
-    """Rows and columns of some elements; as slices where they can be, ten times as fast.
-
-    Args:
-        at: numbers of the elements.
-        down: row of the first element of all.
-        right: column of the first element of all.
-    """
-    if at.size and np.array_equal(at, np.arange(at[0], at[0] + at.size)):
-        first, last = int(at[0]), int(at[0]) + at.size
-        return slice(down + first, down + last), slice(right + first, right + last)
-    rows, columns = np.ix_(at + down, at + right)
-    return rows, columns
 
 
 def originals_and_images(

@@ -1,6 +1,6 @@
-"""Moments of a body over its own parameters: each D_n interpolated with a degree of its own.
+"""Coefficients of a body over its own parameters: each D_n interpolated with a degree of its own.
 
-The moments beyond the first are held in single precision: they are a hundredth of it and less.
+The coefficients beyond the first are held in single precision: they are a hundredth of it and less.
 The error is estimated by the step from one degree lower, times what one degree more gains, and by
 the errors that were measured at two points between the anchors.
 """
@@ -19,7 +19,7 @@ from .parameters import Interpolation
 Array = NDArray[np.float64]
 
 # The first in double, those beyond in single precision.
-Moments = Sequence[NDArray[Any]]
+Powers = Sequence[NDArray[Any]]
 
 # Estimates of errors need few digits.
 Estimate = NDArray[np.float32]
@@ -32,15 +32,14 @@ SINGLE = 5
 STRIP = 8192
 
 
-class InterpolatedMoments:
-    """Moments at the anchors of the own parameters of a body, and between them.
+class InterpolatedCoefficients:
+    """Coefficients at the anchors of the own parameters of a body, and between them.
 
     Attributes:
         points: where they are computed: the anchors, the first at the centre, then the points
             where the interpolation is checked; each of shape (own parameters,).
-        counts: how many moments each of these points needs.
-        order: numbers of the points, the centre first, those of many moments before others, so
-            that points which processes compute at the same time take about as long.
+        counts: how many coefficients each of these points needs.
+        order: numbers of the points, the centre first, those of many coefficients before others.
     """
 
     def __init__(
@@ -49,8 +48,8 @@ class InterpolatedMoments:
         """Place the points.
 
         Args:
-            orders: degree of the interpolation of the first moment in each own parameter.
-            degrees: level of the interpolation of each moment, not increasing; see
+            orders: degree of the interpolation of the first coefficient in each own parameter.
+            degrees: level of the interpolation of each coefficient, not increasing; see
                 ``Interpolation``. The first is the largest of ``orders``, if there are any.
             known: ``arrays`` of an earlier run; None where ``add`` will bring the values.
         """
@@ -67,8 +66,8 @@ class InterpolatedMoments:
         self._gain: Array = np.zeros(0)
         self._checks: list[Estimate] = []
         self._checked: dict[int, Array] = {}
-        # The moments at the centre, and what they change from there to the other anchors.
-        self._centre: Moments = []
+        # The coefficients at the centre, and what they change from there to the other anchors.
+        self._centre: Powers = []
         self._changes: list[NDArray[Any]] = []
         self._precision = np.float32 if self._box.degree <= SINGLE else np.float64
         if known is not None:
@@ -78,15 +77,15 @@ class InterpolatedMoments:
             self._checks, self._gain = [*known["checks"]], known["gain"]
 
     def add(self, i: int, found: Array) -> None:
-        """Moments at point i, shape (counts[i], rows, columns); the centre comes first."""
+        """Coefficients at point i, shape (counts[i], rows, columns); the centre comes first."""
         if i == 0:
             self._centre = [found[0], *found[1:].astype(np.float32)]
             if self.points[0].size:
                 shapes = [(end - 1, *found.shape[1:]) for end in self._ends]
                 self._changes = [np.empty(shape, self._precision) for shape in shapes]
         elif i < self._ends[0]:
-            for n, moment in enumerate(found):
-                self._changes[n][i - 1] = moment - self._centre[n]
+            for n, coefficient in enumerate(found):
+                self._changes[n][i - 1] = coefficient - self._centre[n]
         else:
             self._checked[i] = found
 
@@ -111,13 +110,13 @@ class InterpolatedMoments:
         made = {f"D{n}": changes for n, changes in enumerate(self._changes)}
         return {**centre, "checks": np.array(checks), "gain": gain, **made}
 
-    def at(self, own: Array) -> tuple[Moments, list[Estimate], float]:
-        """Moments at a point of the own parameters, shape (own parameters,).
+    def at(self, own: Array) -> tuple[Powers, list[Estimate], float]:
+        """Coefficients at a point of the own parameters, shape (own parameters,).
 
         Returns:
-            D, one array of shape (rows, columns) for each moment; estimates of its errors, each of
-            shape (count, rows, columns): what one degree more would change, and the errors at the
-            points that were checked; how much larger these may be at this point.
+            D, one array of shape (rows, columns) for each coefficient; estimates of its errors,
+            each of shape (count, rows, columns): what one degree more would change, and the errors
+            at the points that were checked; how much larger these may be at this point.
         """
         if not own.size:
             return self._centre, [], 1.0
@@ -126,9 +125,9 @@ class InterpolatedMoments:
         step *= self._gain[:, None, None].astype(step.dtype)
         return D, [step.astype(np.float32, copy=False), *self._checks], self._box.growth(own)
 
-    def _interpolated(self, own: Array) -> tuple[Moments, NDArray[Any]]:
-        """Moments, and the step from one degree lower."""
-        D = [np.empty_like(moment) for moment in self._centre]
+    def _interpolated(self, own: Array) -> tuple[Powers, NDArray[Any]]:
+        """Coefficients, and the step from one degree lower."""
+        D = [np.empty_like(coefficient) for coefficient in self._centre]
         step = np.empty((len(D), *D[0].shape), self._precision)
         for n, (changes, degree) in enumerate(zip(self._changes, self._degrees, strict=True)):
             weights = self._box.weights(own, degree)

@@ -21,10 +21,10 @@ from brake_fenicsx.errors import InaccurateResult
 
 from .contact import ContactLinearisation
 from .errors import Corrected, corrected
-from .moments import SIGMA
 from .polynomials import Zeros
 from .problem import Quotient
 from .projected import Projected
+from .rows import SIGMA
 from .sample import Sample
 from .trial import LITTLE, Held, TrialSpace, real_columns
 
@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 # Values whose vectors are held at most; where so many in a row did not suffice, no more are tried.
 HELD = 6
 
-# Round-off of the moments in single precision, as a share of |z| (measured: a tenth of it).
+# Round-off of the coefficients in single precision, as a share of |z| (measured: a tenth of it).
 SINGLE = 2e-8
 
 
@@ -70,7 +70,7 @@ class Basis:
             sample: its problem.
             stiffness: w k in units of the band, shape (elements,).
             q: its quotient.
-            interpolated: errors of its zeros by the interpolation of the moments.
+            interpolated: errors of its zeros by the polynomials.
         """
         self.full += 1
         x = np.asarray(p, float)
@@ -81,15 +81,14 @@ class Basis:
             return
         closed = np.flatnonzero(stiffness > LITTLE * stiffness.max(initial=0.0))
         place = np.searchsorted(np.flatnonzero(stiffness), closed)
-        seen = q.left[: sample.count]
+        seen = q.left[: sample.closed.count]
         y = np.zeros((stiffness.size, 2 * q.y.shape[1]), complex)
         y[closed] = np.hstack([q.y[place], seen[place] / stiffness[closed, None]])
-        a = np.hstack([q.right, q.left[sample.count :]])
+        a = np.hstack([q.right, q.left[sample.closed.count :]])
         T = 0.5 * (sample.T[0] + sample.T[0].T)
-        moments = float(np.max(interpolated * np.abs(q.slope), initial=0.0))
-        self._held = [
-            *self._held[1 - HELD :], Held(real_columns(a), real_columns(y), stiffness, T, moments)
-        ]  # fmt: skip
+        polynomials = float(np.max(interpolated * np.abs(q.slope), initial=0.0))
+        held = Held(real_columns(a), real_columns(y), stiffness, T, polynomials)
+        self._held = [*self._held[1 - HELD :], held]
 
     def found(
         self, model: ReducedModel, p: ArrayLike, contact: ContactLinearisation
@@ -116,7 +115,7 @@ class Basis:
         if not np.all((left_out <= wanted)[square <= 1.0]) or not zeros.z.size:
             return None
         self.projected, self._refused = self.projected + 1, 0
-        out = corrected(zeros, q, (left_out + self._trial.moments) / np.abs(q.slope))
+        out = corrected(zeros, q, (left_out + self._trial.polynomials) / np.abs(q.slope))
         found, V = out.zeros, self._trial.V
         whole = Zeros(found.every, found.chosen, V @ found.right, V @ found.left)
         return Corrected(whole, out.slope, out.error)

@@ -1,6 +1,6 @@
 """Reduced model of a brake: undamped or damped, of constant materials or over a box of them.
 
-Offline, each substructure gives its kept modes and the interpolated moments of what they leave out
+Offline, each substructure gives its kept modes and polynomials of what they leave out
 (``component``). A sample then needs dense matrices alone: contact and friction enter exactly
 (``sample``), every eigenvalue has an estimated error (``errors``), and no mode is missed, because
 an inertia count proves the kept modes complete and no pole of what is left out lies in the band.
@@ -26,16 +26,17 @@ from brake_fenicsx.folder.memory import release_memory
 from ..eigensolvers.arnoldi import with_conjugates
 from ..eigensolvers.rows import damped_rows, undamped_rows
 from ..modes import Complex, Count, Counting, Modes
+from .blocks import Blocks, Chosen, assembled
 from .component import AtPoint, Component, Placed, placed
 from .contact import ContactLinearisation
 from .errors import Corrected, corrected
 from .line import Basis
-from .moments import SIGMA, Rows
 from .offline import OfflineBodies
 from .parameters import CONSTANT, Parameters
 from .reach import higher
-from .sample import Sample, least_pole
-from .static import BodyCompliance, body_compliance, static_compliance
+from .rows import SIGMA, Rows
+from .sample import Sample
+from .static import FREE, static_compliance
 from .substructure import Substructure
 from .trial import UnitContact
 from .vectors import (
@@ -49,8 +50,8 @@ from .vectors import (
 
 Array = NDArray[np.float64]
 
-# Relative error that six moments in kappa reach, of degree 4 for the first, and how much one degree
-# and one moment more gain: measured on two blocks in perfect contact, moduli +-20 %.
+# Relative error that five points in kappa reach, with degree 4 over a box of materials, and how
+# much one degree and one point more gain: measured on two blocks in perfect contact, moduli +-20 %.
 REACHED, GAIN = 1e-5, 12.0
 
 # Zeros are corrected up to this multiple of the band's end: at the reference brake those of the
@@ -107,7 +108,8 @@ class ReducedModel:
                 groups.setdefault(owner, {})[inner] = values
         self.bodies: list[Placed] = placed(groups, self.rows, parameters, self._omega)
         self._latest: tuple[Array, dict[int, AtPoint]] | None = None
-        self._constant: dict[int, BodyCompliance] = {}
+        # Of constant materials all samples share the compliance.
+        self._rest: tuple[Array, Array, tuple[Array, Array, Array]] | None = None
         self._unit: tuple[Array, UnitContact] | None = None
 
     @classmethod
@@ -134,13 +136,13 @@ class ReducedModel:
             parameters: box of the materials; constant ones by default.
             followed: motions whose rates or values contact forces follow: "N", with "T" (falling
                 friction) and "R" (sliding damping) where they act.
-            tolerance: wanted relative error of lambda; more moments and higher degrees below 1e-5.
+            tolerance: wanted relative error of lambda; more points and higher degrees below 1e-5.
             cutoff: kept modes reach up to this frequency [Hz]; chosen from the softening of the box
                 if None.
             contact: of a typical sample. Where estimated errors with it exceed the tolerance, the
                 degree is raised and the work done again (``reach``); never if None.
             comm: processes that share the work; this process alone if None.
-            progress: called with the number of solves of this process; what it returns is called
+            progress: called with the number of factors of this process; what it returns is called
                 with the number of those that were done since.
             keep: called by all processes with what the first one made (nothing on others); what
                 it returns is what each process works with. All get their own copy if None.
@@ -148,7 +150,7 @@ class ReducedModel:
         Raises:
             SceneError: a band, cutoff or tolerance that is none.
             InaccurateResult: a body is not positive definite somewhere in the box, an inertia count
-                finds a mode missing, or damping is too strong for the series.
+                finds a mode missing, a factor is wrong, or damping is too strong.
         """
         start, comm = time.perf_counter(), MPI.COMM_SELF if comm is None else comm
         band = frequency_band(band)
@@ -158,7 +160,7 @@ class ReducedModel:
         rows, omega = Rows(followed, damped), 2 * np.pi * band[1]
         reach = None if cutoff is None else cutoff / band[1]
         bodies = OfflineBodies(
-            substructures, rows, parameters, _degrees(tolerance, damped), omega, reach, comm
+            substructures, rows, parameters, _degrees(tolerance, rows), omega, reach, comm
         )
 
         def made(orders: NDArray[np.intp]) -> ReducedModel:
@@ -238,16 +240,15 @@ class ReducedModel:
         Returns:
             NN, NT and one column of Nf for each load, see ``macro.condensation.Compliance``.
         """
-        parts = dict(self._constant)
-        for body, view in zip(self.bodies, self.at(p), strict=True):
-            key = id(body.component)
-            if key not in parts:
-                parts[key] = body_compliance(body.component, view, self.rows, self._omega)
-            if not view.errors:
-                # No parameter moves it.
-                self._constant[key] = parts[key]
-        every = [parts[id(body.component)] for body in self.bodies]
-        return static_compliance(self.bodies, every, self.areas(p) * k0, self._omega)
+        x = np.asarray(p, float)
+        if self._rest is None or not (
+            np.array_equal(self._rest[0], x) and np.array_equal(self._rest[1], k0)
+        ):
+            kappa = np.concatenate([body.component.kappa for body in self.bodies])
+            free, stiffness = kappa <= (FREE * self._omega) ** 2, self.areas(p) * k0
+            given = self.blocks(x), free, stiffness, self.rows, self._omega
+            self._rest = x, k0, static_compliance(*given)
+        return self._rest[2]
 
     def displacements(
         self,
@@ -364,7 +365,8 @@ class ReducedModel:
     @property
     def pole(self) -> float:
         """Least modulus |w|, anywhere in the box, of a pole of what the kept modes leave out."""
-        return least_pole(self.bodies, self.rows)
+        reach, rows = min(body.component.reach for body in self.bodies), self.rows
+        return float(np.hypot(reach, rows.shift) if rows.damped else reach**2 + SIGMA)
 
     @property
     def complete_up_to(self) -> float:
@@ -390,10 +392,15 @@ class ReducedModel:
         """Zeros in the band or a little beyond, and their errors."""
         found = sample.zeros(*self.searched)
         q = sample.quotient(found)
-        interpolated = sample.interpolation_errors(found.z, q)
+        interpolated = sample.polynomial_errors(found.z, q)
         if line is not None:
             line.learn(p, sample, contact.k / self.unit_stiffness(p), q, interpolated)
         return corrected(found, q, interpolated)
+
+    def blocks(self, p: ArrayLike) -> Blocks:
+        """The bodies seen from all contact elements at a point of the box."""
+        every = Chosen.of(self.bodies, np.arange(self._w.size), self._w.size)
+        return assembled(self.bodies, self.at(p), self.rows, every)
 
     def areas(self, p: ArrayLike) -> Array:
         """Areas of the contact elements at a point of the box [m^2]."""
@@ -465,15 +472,16 @@ class ReducedModel:
         )  # fmt: skip
 
 
-def _degrees(tolerance: float, damped: bool) -> tuple[int, ...]:
-    """Degree of the interpolation of each moment; two powers of lambda for each of kappa."""
+def _degrees(tolerance: float, rows: Rows) -> tuple[int, ...]:
+    """Degree of the interpolation of each coefficient in w; two of lambda for each of kappa."""
     if not 0 < tolerance < 1:
         raise SceneError(f"tolerance = {tolerance:g}: a relative error between 0 and 1 is needed")
     top = int(np.clip(4 + ceil(log10(REACHED / tolerance) / log10(GAIN) - 1e-9), 2, 8))
-    # Measured: with one degree less for every two moments, the moments err about alike.
-    if damped:
+    # Measured: with one degree less for every two coefficients, these err about alike.
+    if rows.damped:
         return tuple(max(1, top - (n + 3) // 4) for n in range(2 * top + 3))
-    return tuple(max(1, top - (n + 1) // 2) for n in range(top + 2))
+    # Modes that grow as fast as they turn lie off the real axis of kappa.
+    return tuple(max(1, top - (n + 1) // 2) for n in range(top + 1 + rows.rates))
 
 
 def _on_all(arrays: dict[str, NDArray[Any]], comm: MPI.Comm) -> dict[str, NDArray[Any]]:

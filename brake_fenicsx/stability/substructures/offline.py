@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from brake_fenicsx.folder.processes import in_turns
 
 from .component import image_arrays, originals_and_images
-from .moments import Rows
 from .parameters import Parameters
 from .reduction import Reduction, kept_modes
+from .rows import Rows
 from .substructure import Substructure
 
 Index = NDArray[np.intp]
@@ -44,7 +44,7 @@ class OfflineBodies:
             substructures: the bodies.
             rows: blocks of contact rows.
             parameters: box of the materials.
-            degrees: degree of the interpolation of each moment to begin with.
+            degrees: degree of the interpolation of each coefficient to begin with.
             omega: end of the band [rad/s].
             reach: kept modes lie below this multiple of it; chosen for each body if None.
             comm: processes that share the work.
@@ -62,7 +62,7 @@ class OfflineBodies:
         ]
 
     def points(self, orders: Index) -> int:
-        """Most points of the box where moments of a body are computed with some degrees."""
+        """Most points of the box where a body is computed with some degrees."""
         return max(reduction.points for reduction in self._planned(orders))
 
     def arrays(
@@ -75,8 +75,8 @@ class OfflineBodies:
             progress: see ``ReducedModel.offline``.
         """
         reductions = self._planned(orders)
-        advance = progress(sum(reduction.solves for reduction in reductions))
-        # The largest body takes most memory: it comes before the moments of others are there.
+        advance = progress(sum(reduction.factors for reduction in reductions))
+        # The largest body takes most memory: it comes before the values of others are there.
         order = sorted(range(len(reductions)), key=lambda i: -self._originals[i].dofs.size)
         made = {i: reductions[i].arrays(advance) for i in order}
         if self._comm.rank > 0:

@@ -8,11 +8,11 @@ gives, exactly,
     y + (E(w) - 1) u = source(w) a,        E = 1 + D_OI J,          source = O W - D_OX,
 
 w = kappa + sigma where bodies are not damped, also where contact forces follow rates: D has half as
-many moments then. Without y and u it is T(z) a = 0. T is expanded in powers of z; its zeros come
-from a companion matrix, and the two-sided Rayleigh quotient with all moments corrects them
-(``errors``): b'T(z)a is evaluated with y and the left motions eta solved for, which makes its error
-of second order (Schwetlick and Schreiber, Linear Algebra Appl. 436, 2012; Guettel and Tisseur, Acta
-Numerica 26, 2017, doi:10.1017/S0962492917000034).
+many coefficients then. Without y and u it is T(z) a = 0. T is expanded in powers of z; its zeros
+come from a companion matrix, and the two-sided Rayleigh quotient with all coefficients corrects
+them (``errors``): b'T(z)a is evaluated with y and the left motions eta solved for, which makes its
+error of second order (Schwetlick and Schreiber, Linear Algebra Appl. 436, 2012; Guettel and
+Tisseur, Acta Numerica 26, 2017, doi:10.1017/S0962492917000034).
 """
 
 from __future__ import annotations
@@ -32,20 +32,16 @@ from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
 from .errors import ROUND_OFF
 from .expansion import expanded
-from .moments import Rows
 from .polynomials import Coefficients, Zeros, applied, zeros
+from .rows import Rows
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-# Last known terms that tell what is truncated.
-TAIL = {False: 2, True: 4}
+# Steps at most of the motions y and eta.
+STEPS = 8
 
-# Steps at most of the motions y and eta, and the share of the truncation of the moments, or the
-# round-off, that the error which they leave in the quotient may have.
-STEPS, SHARE = 8, 0.1
-
-# Moments of the first step of eta where forces follow rates.
+# Coefficients for the first step of eta where forces follow rates.
 FIRST = 2
 
 
@@ -57,8 +53,7 @@ class Quotient:
         products: b_i' T(z_j) a_j of left vectors i and zeros j, shape (zeros, zeros); and those of
             the left vectors' conjugates.
         slope: b' T'(z) a.
-        truncated: what the moments beyond the last add, over the slope: the last known terms, which
-            fall by |w| over the distance of the nearest pole; and what y and eta leave.
+        unsolved: what y and eta leave, over the slope.
         y: motions that contact forces follow, shape (followed rows, zeros).
         right: a of each zero.
         left: [eta; b], the motions of what is left out that are seen.
@@ -66,7 +61,7 @@ class Quotient:
 
     products: tuple[Complex, Complex]
     slope: Complex
-    truncated: Array
+    unsolved: Array
     y: Complex
     right: Complex
     left: Complex
@@ -87,9 +82,8 @@ class SampleProblem:
     _precision: type = float
 
     def __init__(
-        self, E: Sequence[Array], source: Array, forced: Coefficients, own: Array, rows: Rows,
-        pole: float,
-    ):  # fmt: skip
+        self, E: Sequence[Array], source: Array, forced: Coefficients, own: Array, rows: Rows
+    ):
         """Take the coefficients.
 
         Args:
@@ -98,11 +92,9 @@ class SampleProblem:
             forced: likewise.
             own: likewise.
             rows: blocks of contact rows.
-            pole: least modulus |w| of a pole of what the kept modes leave out.
         """
         self.E, self.source, self.forced, self.own = E, source, forced, own
         self.rows: Rows = rows
-        self._pole = pole
 
     @property
     def T(self) -> Array:
@@ -134,20 +126,18 @@ class SampleProblem:
         return zeros(self.T, 2 if self.rows.rates else 1, reach, near)
 
     def quotient(self, found: Zeros) -> Quotient:
-        """The two-sided quotient with all moments, for some zeros."""
+        """The two-sided quotient with all coefficients, for some zeros."""
         z, a, b = found.z, found.right, found.left
         w = self.rows.variable(z)
         count, gaps = len(self.E), self.gaps
         powers = np.arange(count)[:, None]
-        fall = np.minimum(np.abs(w) / self._pole, 0.9)
-        tail = powers[-TAIL[self.rows.damped] :]
         kept = self._terms(self.own, a, b)
         source = [times(A, a) for A in self.source]
         y, last = self.motions(z, a), np.full(z.size, np.inf)
         forced = applied(self.forced, w, b, transpose=True)
         eta = self.solve(self.gaps_and_rates(z, forced), 1)
         if gaps < len(eta):
-            # Lambda is far from that of z = 0: a step with the first moments spares a whole one.
+            # Lambda is far from that of z = 0: a step with few coefficients spares a whole one.
             seen = forced + self.left_response(z, eta, FIRST)
             eta = eta + self.solve(self.gaps_and_rates(z, seen) - eta, 1)
         for _ in range(STEPS):
@@ -165,23 +155,19 @@ class SampleProblem:
             # Lambda depends on z, too.
             slope = slope + _paired(seen[gaps:], y[gaps:])
             slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
-            # One term alone may be nought by chance.
-            ends = np.abs(terms[tail[:, 0]] * w**tail) * fall ** (count - 1 - tail)
-            truncated = np.max(ends, axis=0) * fall / (1 - fall)
             # eta gains by both steps what it gained by this one, y what it did.
             gained = np.abs(_paired(change, unsolved))
             size = la.norm(change, axis=0) / np.maximum(la.norm(eta, axis=0), 1e-300)
             left = remaining(gained, np.maximum(size, np.sqrt(gained / last)))
-            if np.all(left <= np.maximum(SHARE * truncated, ROUND_OFF)):
+            if np.all(left <= ROUND_OFF):
                 break
             y, last = y + self.solve(unsolved), np.maximum(gained, 1e-300)
         rest = applied(self.own, w, a) + applied(self.forced, w, u)
         products = b.T @ rest + eta.T @ unsolved, b.conj().T @ rest + eta.conj().T @ unsolved
-        truncated = (truncated + left) / np.abs(slope)
-        return Quotient(products, slope, truncated, y, a, np.vstack([eta, b]))
+        return Quotient(products, slope, left / np.abs(slope), y, a, np.vstack([eta, b]))
 
     def _terms(self, A: Coefficients, x: Complex, b: Complex) -> Complex:
-        """Coefficients of b' A(w) x, as many as there are moments, shape (moments, zeros)."""
+        """Coefficients of b' A(w) x, as many as D has, shape (coefficients, zeros)."""
         terms = np.zeros((len(self.E), x.shape[1]), complex)
         for n, coefficient in enumerate(A):
             terms[n] = _paired(b, times(coefficient, x))
@@ -194,10 +180,10 @@ class SampleProblem:
         return np.concatenate([y[: self.gaps], (z + self.rows.shift) * y[self.gaps :]])
 
     def left_response(
-        self, z: Complex, eta: Complex, moments: int | None = None, kind: type | None = None
+        self, z: Complex, eta: Complex, first: int | None = None, kind: type | None = None
     ) -> Complex:
-        """(1 - E)' eta, shape (followed rows, zeros); with all moments if None."""
-        return eta - applied(self.E[:moments], self.rows.variable(z), eta, True, kind)
+        """(1 - E)' eta, shape (followed rows, zeros); with the first coefficients, all if None."""
+        return eta - applied(self.E[:first], self.rows.variable(z), eta, True, kind)
 
     def motions(self, z: Complex, a: Complex) -> Complex:
         """Motions y of some a, as far as they are expanded, shape (followed rows, zeros)."""

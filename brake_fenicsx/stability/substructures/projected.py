@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from ..eigensolvers.arnoldi import on_parts
 from ..modes import Complex
 from .contact import ContactLinearisation
-from .moments import SIGMA
 from .polynomials import Zeros, applied
 from .problem import Quotient, SampleProblem
+from .rows import SIGMA
 from .trial import TrialSpace, UnitContact
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 # A stiffness of motions that work on no spring, over that of the others.
 NO_FORCE = 1e-13
 
-# So many moments tell the residual of the motions; those beyond are a ten-thousandth of the first.
+# So many coefficients tell the residual of the motions; those beyond are a ten-thousandth of D_0.
 SEEN = 3
 
 # Least distance to the modes beyond the trial vectors, in units of the band's end squared.
@@ -75,7 +75,7 @@ class Projected:
         # Motions of open elements alone meet no force.
         E[0][np.diag_indices(len(E[0]))] += NO_FORCE
         source, forced, own = self._J.T @ t.source, t.V.T @ self._forced, t.V.T @ t.own
-        self.problem = SampleProblem(E, source, forced, own, model.rows, model.pole)
+        self.problem = SampleProblem(E, source, forced, own, model.rows)
 
     def square(self, z: Complex) -> Array:
         """|lambda|^2 in units of the band's end."""

@@ -1,6 +1,6 @@
 """What the interpolation over a box reaches: errors of modes, and degrees that lower them.
 
-The offline stage knows the moments at the anchors and at two points between them. With the contact
+The offline stage knows the bodies at the anchors and at two points between them. With the contact
 of a typical sample these give the estimated errors of modes as the samples will state them. Where
 too many exceed the tolerance, the parameters whose highest degree changes the modes most get more.
 """
@@ -20,8 +20,8 @@ from brake_fenicsx.folder.log import logger
 from ..modes import relative_errors
 from .contact import ContactLinearisation
 from .errors import SAFETY
-from .moments import SIGMA
 from .parameters import BETWEEN
+from .rows import SIGMA
 from .sample import Sample
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def higher(
         model: the model.
         contact: of a typical sample.
         tolerance: wanted relative error of lambda.
-        points: of the box where moments are computed with some degrees.
+        points: of the box where a body is computed with some degrees.
 
     Returns:
         Shape (d,); None where it holds already, or higher ones cost too much.
@@ -158,7 +158,7 @@ def _of_each_parameter(model: ReducedModel, contact: ContactLinearisation) -> Ar
             views = [replace(view, errors=view.errors[:1]) for view in model.at(x)]
             sample = Sample(model.bodies, views, contact, model.areas(x), model.rows, omega)
             found = sample.zeros(*model.searched)
-            errors = sample.interpolation_errors(found.z, sample.quotient(found))
+            errors = sample.polynomial_errors(found.z, sample.quotient(found))
             largest += list(factor * errors / np.maximum(np.abs(found.z - zero), NEAR_ZERO))
         out[j] = np.quantile(largest, 1 - ALLOWED)
     return out

@@ -1,14 +1,16 @@
-"""Offline stage of one substructure: kept modes, projected matrices, moments at the anchors."""
+"""Offline stage of one substructure: kept modes, projected matrices, values at the anchors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from math import ceil
+from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, eigsh
 
@@ -18,11 +20,14 @@ from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers.lanczos import lowest_modes
 from ..eigensolvers.symmetric import count_below
-from .component import interface_at, polynomial
-from .interpolated import InterpolatedMoments
-from .moments import SIGMA, Complement, Rows, moments, number_of_columns, plan_of
+from .complement import Complement
+from .component import interface_at, matrices
+from .frequency import Polynomial, imaginary_points, real_points
+from .interpolated import InterpolatedCoefficients
 from .parameters import Parameters
+from .rows import SIGMA, Rows
 from .substructure import Substructure
+from .values import SeenBody
 
 Array = NDArray[np.float64]
 
@@ -31,6 +36,9 @@ Array = NDArray[np.float64]
 # end, wherever in the box; with shapes beyond almost that, after some attempts, and never below
 # the last multiple of the end itself.
 POLES, ALMOST, NEAREST, ATTEMPTS = 3.3, 0.95, 1.3, 4
+
+# Damping is a combination of mass and stiffness up to this share of it.
+PROPORTIONAL = 1e-10
 
 # Relative accuracy of the lowest pole.
 POLE_TOLERANCE = 1e-3
@@ -75,9 +83,9 @@ class Reduction:
             modes: what it keeps.
             rows: blocks of its contact rows.
             parameters: of all bodies.
-            degrees: level of the interpolation of each moment D_n, see ``Interpolation``; as many
-                as moments.
-            orders: degree of the first moment in each parameter, shape (d,).
+            degrees: level of the interpolation of each coefficient, see ``Interpolation``; as many
+                as coefficients in powers of w.
+            orders: degree of the first coefficient in each parameter, shape (d,).
             omega: end of the band [rad/s].
             comm: processes that share the work.
         """
@@ -88,53 +96,58 @@ class Reduction:
         self._beyond = body.damping_beyond(modes.cutoff * omega)
         self._own = parameters.acting_on(list(body.changes), body.elements.size)
         self._orders = orders[self._own]
-        self._moments = InterpolatedMoments([*map(int, self._orders)], degrees)
-        # Processes take points in turns, so that the factor of a point is made once; if there are
-        # fewer points than processes, all share the columns of each.
-        self._together = len(self._moments.points) < comm.size
+        self._coefficients = InterpolatedCoefficients([*map(int, self._orders)], degrees)
+        K, C, M = self._matrices(0)
+        self._shares = proportional(K, C, M)
+        self._coupled = bool(body.changes) or self._shares is None
+        self._MW = np.asarray(M @ self._W)
+        # Of an undamped body the coefficients in powers of lambda are those in powers of kappa.
+        count = len(degrees) // 2 if rows.damped else len(degrees)
+        kappa = modes.kappa / omega**2
+        self._real = real_points(count, kappa)
+        points = imaginary_points(count, kappa) if rows.damped else self._real
+        self._points = points
+        self._polynomial = Polynomial(points, rows)
 
     @property
     def points(self) -> int:
-        """Points of the box where moments are computed."""
-        return len(self._moments.points)
+        """Points of the box where the body is factored."""
+        return len(self._coefficients.points)
 
     @property
-    def solves(self) -> int:
-        """Solves of this process."""
-        kept, comm = self._W.shape[1], self._comm
-        columns = number_of_columns(self._body, kept, self._rows)
-        counts = [self._moments.counts[i] for i in self._moments.order]
-        plans = [plan_of(self._body, kept, self._rows, n) for n in counts]
-        solves = [columns * p.exact + p.rank * p.further for p in plans]
-        if self._together:
-            return ceil(sum(solves) / comm.size)
-        return sum(solves[comm.rank :: comm.size])
+    def factors(self) -> int:
+        """Factors of this process."""
+        each = self._real if self._shares is not None else self._points
+        return ceil(self.points * len(each) / self._comm.size)
 
     def arrays(self, progress: Callable[[int], None]) -> dict[str, NDArray]:
         """What ``Component`` takes, on the first process alone, nothing on others; collective.
 
         Args:
-            progress: called with the number of solves that were done.
+            progress: called with the number of factors that were made.
 
         Raises:
             InaccurateResult: the body has no positive definite stiffness somewhere in the box, or
-                it is damped too strongly for the series of moments.
+                it is damped too strongly for polynomials in the frequency.
         """
         body, W, comm = self._body, self._W, self._comm
-        order = self._moments.order
-        every: Iterable[Array]
-        if self._together:
-            every = (self._at(i, comm, progress) for i in order)
-        else:
-            alone = MPI.COMM_SELF
-            every = in_turns(len(order), lambda n: self._at(order[n], alone, progress), comm)
-        for i, found in zip(order, every, strict=True):
+        missing, largest = np.zeros(0), 0.0
+        for i in self._coefficients.order:
+            values = self._values(i, progress)
+            if comm.rank > 0:
+                continue
+            coefficients = self._polynomial.coefficients(values[:-1])
+            rest = self._polynomial.missing(coefficients, values[-1])
+            size = float(np.linalg.norm(rest))
             if i == 0:
-                self._check_convergence(found)
-            if comm.rank == 0:
-                self._moments.add(i, found)
+                self._check_convergence(coefficients)
+                missing = rest
+            largest = max(largest, size)
+            self._coefficients.add(i, coefficients[: self._coefficients.counts[i]])
         if comm.rank > 0:
             return {}
+        # Elsewhere in the box the polynomials may lack more.
+        missing *= largest / max(float(np.linalg.norm(missing)), 1e-300)
         modal = [W.T @ (A @ W) for A in (body.K, body.M, *body.changes.values())]
         damping = [] if body.C is None else [W.T @ (body.C @ W)]
         if body.ratios:
@@ -142,37 +155,111 @@ class Reduction:
             by_ratio = np.diag(body.modal_damping(W, self._kappa))
             damping = [damping[0] + by_ratio] if damping else [by_ratio]
         return {
-            **body.arrays(), **self._moments.arrays(), "W": W, "kappa": self._kappa,
-            "beyond": self._beyond,
+            **body.arrays(), **self._coefficients.arrays(), "W": W, "kappa": self._kappa,
+            "beyond": self._beyond, "coupled": np.array(self._coupled), "points": self._points,
+            "missing": missing.astype(np.float32),
             "reach": np.array(self._reach),
             "degrees": np.array(self._degrees), "orders": self._orders,
             "modal": np.array(modal), "modal_C": np.array(damping),
         }  # fmt: skip
 
-    def _at(self, i: int, comm: MPI.Comm, progress: Callable[[int], None]) -> Array:
-        """Moments at a point, as many as it needs; collective over ``comm``."""
-        x = np.zeros(self._parameters.dimension)
-        x[self._own] = self._moments.points[i]
-        P = polynomial(self._body, self._parameters, x, self._omega, self._rows, self._beyond)
-        count = self._moments.counts[i]
-        M = self._body.mass(self._parameters.centre)
-        body = replace(self._body, interface=interface_at(self._body, self._parameters, x))
-        return moments(body, P, M, self._W, self._rows, count, comm, progress)
+    def _values(self, i: int, progress: Callable[[int], None]) -> list[NDArray[Any]]:
+        """Values at all points of the frequency at a point of the box; collective.
 
-    def _check_convergence(self, D: Array) -> None:
-        """Whether the moments fall fast enough up to the band's end.
+        The processes take the factors in turns.
+        """
+        K, C, M = self._matrices(i)
+        shares = proportional(K, C, M)
+        interface = interface_at(self._body, self._parameters, self._place(i))
+        body = SeenBody(
+            K, C if shares is None else None, M, self._W, self._MW, interface, self._body.loads,
+            self._rows, self._coupled,
+        )  # fmt: skip
+        points = self._points if shares is None else np.sqrt(-self._real + 0j)
+
+        def work(j: int) -> NDArray[Any]:
+            found = body.at(points[j])
+            progress(1)
+            return found
+
+        values = [*in_turns(len(points), work, self._comm)]
+        if shares is None or not self._rows.damped:
+            return values
+        return self._damped(values, *shares)
+
+    def _damped(self, values: list[Array], alpha: float, beta: float) -> list[NDArray[Any]]:
+        """Values at the points in lambda of a body with C = alpha M + beta K from those in kappa.
+
+        P(lambda) = (1 + beta lambda) (K - kappa M) at a complex kappa.
+        """
+        out, f = [], self._body.elements.size * len(self._rows.followed)
+        g = self._body.elements.size * len(self._rows.acting)
+        X = slice(g, g + self._W.shape[1] * self._coupled)
+        for n, s in enumerate(self._points):
+            s = s if s.imag else s.real
+            factor = 1 + beta * s
+            kappa = -(s**2 + alpha * s) / factor
+            # At the end of the band the value there is known, too.
+            nodes = self._real[: len(values) - (n < len(self._points) - 1)]
+            value = sum(w * A for w, A in zip(lagrange(nodes, kappa), values, strict=False))
+            value = value if np.imag(s) else value.real
+            value[:f] /= factor
+            value[:f, X] *= factor
+            value[f:, X] *= factor
+            out.append(value)
+        return out
+
+    def _place(self, i: int) -> Array:
+        """A point of the box of all parameters."""
+        x = np.zeros(self._parameters.dimension)
+        x[self._own] = self._coefficients.points[i]
+        return x
+
+    def _matrices(self, i: int) -> tuple[sp.csr_matrix, sp.csr_matrix | None, sp.csr_matrix]:
+        """K, C and M at a point of the box."""
+        x = self._place(i)
+        return matrices(self._body, self._parameters, x, self._omega, self._beyond)
+
+    def _check_convergence(self, coefficients: Array) -> None:
+        """Whether the coefficients fall, as they do without a pole within the band.
 
         Raises:
-            InaccurateResult: they do not: the body is damped too strongly.
+            InaccurateResult: they do not: the body is damped so strongly that its own decay lies
+                within the band.
         """
-        size = [float(np.linalg.norm(A)) for A in D]
-        step = 2 if self._rows.damped else 1
-        # With rates they turn in the complex plane: a single one may be small by its phase.
-        if len(size) > 2 * step and max(size[-step:]) > max(size[-2 * step : -step]):
+        size = [float(np.linalg.norm(A)) for A in coefficients]
+        # W'P(w) is of second degree in w: the first ones may grow.
+        if self._rows.damped and max(size[3:]) > max(size[:3]):
             raise InaccurateResult(
                 "damping too large for the frequency expansion of the reduced model up to the end"
                 " of the band"
             )
+
+
+def lagrange(nodes: Array, x: complex) -> NDArray[np.complex128]:
+    """Weights of the values at some nodes for their polynomial at x, shape (nodes,)."""
+    apart = nodes[:, None] - nodes[None]
+    np.fill_diagonal(apart, 1.0)
+    others = np.where(np.eye(nodes.size, dtype=bool), 1.0, x - nodes[None])
+    return np.asarray(np.prod(others / apart, axis=1) + 0j)
+
+
+def proportional(
+    K: sp.csr_matrix, C: sp.csr_matrix | None, M: sp.csr_matrix
+) -> tuple[float, float] | None:
+    """Alpha and beta of a damping C = alpha M + beta K, both 0 without; None of any other one."""
+    if C is None:
+        return 0.0, 0.0
+    gram = np.array([[(A.multiply(B)).sum() for A in (M, K)] for B in (M, K)])
+    scale = np.sqrt(np.diag(gram))
+    alpha, beta = (
+        np.linalg.solve(
+            gram / np.outer(scale, scale), [(A.multiply(C)).sum() for A in (M, K)] / scale
+        )
+        / scale
+    )
+    rest = abs(C - alpha * M - beta * K).max()
+    return (float(alpha), float(beta)) if rest <= PROPORTIONAL * abs(C).max() else None
 
 
 def kept_modes(

@@ -3,63 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..eigensolvers.arnoldi import times
 from ..modes import Complex
-from .component import AtPoint, Placed, square_of
+from .blocks import Chosen, assembled
+from .component import AtPoint, Placed
 from .contact import ContactForces, ContactLinearisation
-from .moments import SIGMA, Rows
 from .problem import Quotient, SampleProblem
+from .rows import Rows
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-
-
-@dataclass(frozen=True, slots=True)
-class Closed:
-    """Closed contact elements of a body.
-
-    Attributes:
-        here: places among the body's own elements.
-        there: places among all closed elements.
-    """
-
-    here: Index
-    there: Index
-
-    def rows(self, blocks: int, own: int, every: int) -> tuple[Index, Index]:
-        """Places in rows of several blocks: of the body, and of all closed elements.
-
-        Args:
-            blocks: number of blocks.
-            own: number of elements of the body.
-            every: number of closed elements.
-        """
-        steps = np.arange(blocks)[:, None]
-        return (self.here + own * steps).ravel(), (self.there + every * steps).ravel()
-
-
-def least_pole(bodies: Sequence[Placed], rows: Rows) -> float:
-    """Least modulus |w|, anywhere in the box, of a pole of what the kept modes leave out."""
-    reach = min(body.component.reach for body in bodies)
-    return float(np.hypot(reach, rows.shift) if rows.damped else reach**2 + SIGMA)
 
 
 class Sample(SampleProblem):
     """The reduced problem of one sample.
 
     Attributes:
-        bodies: the bodies and where their closed elements are.
-        closed: closed contact elements of each body.
-        count: number of all of them.
+        bodies: the bodies.
+        views: each of them at the sample's point of the box.
+        closed: closed contact elements.
         forces: J of the closed elements.
-        E: coefficients of E(w).
-        source: coefficients of source(w).
-        T: coefficients of T(z).
     """
 
     # The quotient corrects y and eta by residuals with E_0 in double precision.
@@ -74,7 +41,7 @@ class Sample(SampleProblem):
         rows: Rows,
         omega: float,
     ):
-        """Assemble the bodies and eliminate the motions of the contact elements.
+        """Assemble the bodies under the forces of the contact elements.
 
         Args:
             bodies: the bodies of the brake.
@@ -88,89 +55,50 @@ class Sample(SampleProblem):
         if not closed.size:
             # One open element in place of none: its force is zero. There may be no element at all.
             closed = np.arange(min(1, w.size))
-        self.bodies, self.views, self.rows = bodies, views, rows
-        self._pole = least_pole(bodies, rows)
-        at = np.full(w.size, -1)
-        at[closed] = np.arange(closed.size)
-        self.closed = []
-        for body in bodies:
-            here = np.flatnonzero(at[body.elements] >= 0)
-            self.closed.append(Closed(here, at[body.elements[here]]))
+        self.bodies, self.views = bodies, views
+        self.closed: Chosen = Chosen.of(bodies, closed, w.size)
         self.forces = ContactForces.of(contact, w, closed, rows, omega)
-        self.count = closed.size
-        self._assemble(contact, w, omega)
+        b = assembled(bodies, views, rows, self.closed)
+        E = [np.hstack([*self.forces.blocks_after(A)]) for A in b.D]
+        E[0][np.diag_indices(len(E[0]))] += 1.0
+        forced = np.array([np.hstack([*self.forces.blocks_after(A)]) for A in b.lead])
+        super().__init__(E, b.source, forced, b.own, rows)
 
-    def _assemble(self, contact: ContactLinearisation, w: Array, omega: float) -> None:
-        """E, source, forced and own of all bodies together."""
-        rows, c = self.rows, self.count
-        f, g = len(rows.followed), len(rows.acting)
-        any_coupled = any(b.component.coupled for b in self.bodies)
-        count = len(self.views[0].D)
-        size = self.bodies[-1].modes.stop
-        self.E = [np.zeros((f * c, f * c), A.dtype) for A in self.views[0].D]
-        self.source = np.zeros((count if any_coupled else 1, f * c, size))
-        self.forced = np.zeros((count if any_coupled else 1, size, f * c))
-        length = max(len(self.views[0].modal), count if any_coupled else 0)
-        self.own = np.zeros((length, size, size))
-        for body, view, at in zip(self.bodies, self.views, self.closed, strict=True):
-            comp, modes = body.component, body.modes
-            m = body.elements.size
-            own, place = at.rows(f, m, c)
-            acting, _ = at.rows(g, m, c)
-            elements = body.elements[at.here]
-            J = ContactForces.of(contact, w, elements, rows, omega)
-            self.own[: len(view.modal), modes, modes] += view.modal
-            self.source[0][place, modes] += view.followed[own]
-            lead = [view.acting[acting].T]
-            if comp.coupled:
-                first, second = f * m, g * m
-                X = slice(second, second + comp.W.shape[1])
-                for n, A in enumerate(view.D):
-                    self.own[n][modes, modes] -= A[first:, X]
-                    self.source[n][place, modes] -= A[own, X]
-                lead = [-A[first:, acting] for A in view.D]
-                lead[0] += view.acting[acting].T
-            if at.here.size:
-                for n, A in enumerate(lead):
-                    self.forced[n][modes, place] += np.hstack([*J.blocks_after(A)])
-                # Faster than picking by rows and columns; one moment at a time stays in the cache.
-                flat = own[:, None] * view.D[0].shape[1] + acting
-                parts = [np.empty(flat.shape, A.dtype) for A in view.D[:2]]
-                squares = [[square_of(at.there, i * c, j * c) for j in range(f)] for i in range(f)]
-                for n, A in enumerate(view.D):
-                    # In place and without checks of bounds it takes two thirds of the time.
-                    part = np.take(A, flat, out=parts[min(n, 1)], mode="clip")
-                    for i, row in enumerate(np.split(part, f)):
-                        for j, block in enumerate(J.blocks_after(row)):
-                            self.E[n][squares[i][j]] += block
-        self.E[0][np.diag_indices(f * c)] += 1.0
-
-    def interpolation_errors(self, z: Complex, q: Quotient) -> Array:
-        """Estimated errors of z that the interpolation of the moments makes, all bodies added."""
-        c, f, g = self.count, len(self.rows.followed), len(self.rows.acting)
+    def polynomial_errors(self, z: Complex, q: Quotient) -> Array:
+        """Estimated errors of z that the polynomials of the bodies make, all of them added."""
+        c, f, g = self.closed.count, len(self.rows.followed), len(self.rows.acting)
         total = np.zeros(z.size)
         loads = np.vstack([self.forces(self.gaps_and_rates(z, q.y)), q.right])
         w = self.rows.variable(z)
-        for body, view, at in zip(self.bodies, self.views, self.closed, strict=True):
-            if not view.errors:
-                continue
+        for number, (body, view) in enumerate(zip(self.bodies, self.views, strict=True)):
             # Where no kept mode couples, D has no rows and columns of them.
             comp, modes = body.component, np.arange(body.modes.start, body.modes.stop)
             modes = modes if comp.coupled else modes[:0]
             m = body.elements.size
-            own, place = at.rows(f, m, c)
-            acting, there = at.rows(g, m, c)
+            own, place = self.closed.rows(number, f, m)
+            acting, there = self.closed.rows(number, g, m)
             rows = np.r_[own, f * m + np.arange(modes.size)]
+            if not rows.size:
+                continue
             left = q.left[np.r_[place, f * c + modes]].astype(np.complex64)
-            # Whole rows in one product cost less than picking the closed elements of each moment.
+            # Whole rows in one product cost less than picking the closed elements of each.
             right = np.zeros((g * m + modes.size + comp.loads.shape[0], z.size), np.complex64)
             right[np.r_[acting, g * m + np.arange(modes.size)]] = loads[np.r_[there, g * c + modes]]
-            largest: Array = np.zeros(z.size)
-            for error in view.errors:
+
+            def terms(
+                error: NDArray[np.float32], left: NDArray[Any] = left,
+                rows: NDArray[np.intp] = rows, right: NDArray[Any] = right,
+            ) -> Complex:  # fmt: skip
+                """[eta; b]' A [J u; a] of several matrices A, shape (matrices, zeros)."""
                 picked = error[:, rows].reshape(-1, error.shape[2])
                 product = times(picked, right).reshape(len(error), rows.size, z.size)
-                terms = np.einsum("im,nim->nm", left, product)
-                size = np.sum(np.abs(terms * w ** np.arange(len(error))[:, None]), axis=0)
-                largest = np.maximum(largest, size)
+                return np.asarray(np.einsum("im,nim->nm", left, product))
+
+            lacks = np.array([1.0, 1j])[: len(comp.missing)] @ terms(comp.missing)
+            total += np.abs(lacks) * comp.growth(w)
+            largest: Array = np.zeros(z.size)
+            for error in view.errors:
+                size = np.abs(terms(error) * w ** np.arange(len(error))[:, None])
+                largest = np.maximum(largest, np.sum(size, axis=0))
             total += view.growth * largest
         return np.asarray(total / np.abs(q.slope))

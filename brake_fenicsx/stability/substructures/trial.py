@@ -1,8 +1,7 @@
 """Trial vectors of a line: right and left vectors of some values, one space for both.
 
-With unit stiffness in every contact element, E = 1 + D J and forced = L J hold D and L themselves.
-The bodies stay along a line of constant materials, and so do these, which serve all values and all
-samples (``UnitContact``).
+The bodies stay along a line of constant materials: what the contact elements see of them serves all
+values and all samples (``UnitContact``).
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ import scipy.linalg as la
 from numpy.typing import ArrayLike, NDArray
 
 from ..modes import Complex
-from .contact import ContactLinearisation
 
 if TYPE_CHECKING:
     from .model import ReducedModel
@@ -36,17 +34,17 @@ SYMMETRIC = 1e-10
 
 @dataclass(frozen=True, slots=True)
 class UnitContact:
-    """The bodies as their contact elements see them, under unit stiffness in each.
+    """The bodies as their contact elements see them, at a point of the box.
 
     Attributes:
-        normal: D of normal forces, shape (elements, elements) for each moment; those beyond the
-            first in single precision: they are less than a thousandth of it.
+        normal: D of normal forces, shape (elements, elements) for each coefficient; those beyond
+            the first in single precision: they are less than a thousandth of it.
         friction: D of friction forces, likewise.
-        lead: L of both, shape (coefficients, kept modes, elements).
-        source: see ``problem``.
+        lead: of both, shape (coefficients, kept modes, elements).
+        source: see ``blocks``.
         own: likewise.
         symmetric: whether the bodies are, as without rotation.
-        stiffness: the unit stiffness [Pa/m], shape (elements,).
+        stiffness: k for which w k is 1 in units of the band's end [Pa/m], shape (elements,).
     """
 
     normal: list[NDArray[Any]]
@@ -59,19 +57,17 @@ class UnitContact:
 
     @classmethod
     def of(cls, model: ReducedModel, p: ArrayLike) -> UnitContact:
-        """Assemble them for a point of the box."""
+        """Assemble them."""
+        b = model.blocks(p)
+        own = b.own
         unit = model.unit_stiffness(p)
-        none = np.zeros_like(unit)
-        one = model.sample(p, ContactLinearisation.of(unit, 0.0))
-        other = model.sample(p, ContactLinearisation(none, unit, none, none))
-        D: list[list[NDArray[Any]]] = []
-        for sample in (one, other):
-            sample.E[0][np.diag_indices(unit.size)] -= 1.0
-            D.append([*sample.E])
-        lead = np.asarray(one.forced), np.asarray(other.forced)
-        own = np.asarray(one.own)
+        c = unit.size
+        normal, friction = (
+            [np.ascontiguousarray(A[:, part]) for A in b.D] for part in (slice(c), slice(c, 2 * c))
+        )
         symmetric = bool(la.norm(own - own.transpose(0, 2, 1)) <= SYMMETRIC * la.norm(own))
-        return cls(D[0], D[1], lead, np.asarray(one.source), own, symmetric, unit)
+        lead = b.lead[..., :c], b.lead[..., c : 2 * c]
+        return cls(normal, friction, lead, b.source, own, symmetric, unit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,14 +79,14 @@ class Held:
         y: motions at all contact elements, zero in open ones, likewise.
         stiffness: w k in units of the band, shape (elements,).
         T: symmetric part of T(0).
-        moments: what the interpolation of the moments may add to b' T a.
+        polynomials: what the errors of the polynomials may add to b' T a.
     """
 
     a: Array
     y: Array
     stiffness: Array
     T: Array
-    moments: float
+    polynomials: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +99,7 @@ class TrialSpace:
         beyond: least kappa + sigma of what V leaves out.
         own: own(z) V.
         source: source(z) V.
-        moments: what the interpolation of the moments may add to b' T a.
+        polynomials: what the errors of the polynomials may add to b' T a.
     """
 
     V: Array
@@ -111,7 +107,7 @@ class TrialSpace:
     beyond: float
     own: Array
     source: Array
-    moments: float
+    polynomials: float
 
     @classmethod
     def of(cls, held: list[Held], unit: UnitContact, tolerance: float) -> TrialSpace:
@@ -126,8 +122,8 @@ class TrialSpace:
         chosen = size > MOVING**2 * tolerance * size[-1]
         Y = Y @ (X[:, chosen] / np.sqrt(size[chosen])) / weight[:, None]
         beyond = la.eigvalsh(rest.T @ held[-1].T @ rest)[0] if rest.shape[1] else np.inf
-        moments = max(h.moments for h in held)
-        return cls(V, Y, float(beyond), unit.own @ V, unit.source @ V, moments)
+        polynomials = max(h.polynomials for h in held)
+        return cls(V, Y, float(beyond), unit.own @ V, unit.source @ V, polynomials)
 
 
 def real_columns(X: Complex) -> Array:

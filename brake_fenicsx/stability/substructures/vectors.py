@@ -1,7 +1,7 @@
 """Right and left vectors of single modes of a sample, and their motions at the contact elements.
 
 The zeros of the expanded T(z) come with its own vectors, which derivatives would feel to first
-order. With all moments (``problem``) T(z) a = own a + forced u, and T(z)' b = own' b + source' eta;
+order. With all of D (``problem``) T(z) a = own a + forced u, and T(z)' b = own' b + source' eta;
 the corrections come from the expanded T, bordered so that it is regular (Guettel and Tisseur, Acta
 Numerica 26, 2017, doi:10.1017/S0962492917000034, section 4). The motions of the left vector along
 the rows that forces act along are lead' b - D' eta.
@@ -30,9 +30,11 @@ from brake_fenicsx.iteration import Steps, sizes
 
 from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
+from .blocks import Chosen, assembled
+from .complement import Complement
 from .component import Array, Component, Index, Placed
-from .moments import Complement, Rows
 from .polynomials import Coefficients, applied
+from .rows import Rows
 from .sample import Sample
 
 # Steps at most for motions and for vectors, and the relative error at which they end.
@@ -93,7 +95,7 @@ class SampleModes:
 
 
 def sharpened(sample: Sample, z: Complex, a: Complex, b: Complex) -> tuple[Vectors, Array]:
-    """Vectors with all moments from those of the expanded T(z).
+    """Vectors with all of D from those of the expanded T(z).
 
     Args:
         sample: the reduced problem of the sample.
@@ -219,25 +221,18 @@ def motions_of_elements(
         Followed rows under the right vectors, acting rows under the left ones: block -> motions,
         shape (elements, modes).
     """
-    f, g, w = len(rows.followed), len(rows.acting), rows.variable(z)
+    w, every = rows.variable(z), Chosen.of(sample.bodies, np.arange(elements), elements)
+    given = sample.bodies, sample.views, rows
     force = sample.forces(sample.gaps_and_rates(z, v.y))
-    right = np.zeros((f, elements, z.size), complex)
-    left = np.zeros((g, elements, z.size), complex)
-    for body, view, at in zip(sample.bodies, sample.views, sample.closed, strict=True):
-        comp, modes, m = body.component, body.modes, body.elements.size
-        own, place = at.rows(f, m, sample.count)
-        acting, there = at.rows(g, m, sample.count)
-        x: Complex = np.zeros((view.D[0].shape[1], z.size), complex)
-        u: Complex = np.zeros((view.D[0].shape[0], z.size), complex)
-        x[acting], u[own] = force[there], v.eta[place]
-        if comp.coupled:
-            x[g * m : g * m + comp.W.shape[1]], u[f * m :] = v.a[modes], v.b[modes]
-        seen, met = times(view.followed, v.a[modes]), times(view.acting, v.b[modes])
-        seen = seen - applied([A[: f * m] for A in view.D], w, x, kind=float)
-        met = met - applied([A[:, : g * m] for A in view.D], w, u, True, float)
-        right[:, body.elements] += seen.reshape(f, m, z.size)
-        left[:, body.elements] += met.reshape(g, m, z.size)
-    return dict(zip(rows.followed, right, strict=True)), dict(zip(rows.acting, left, strict=True))
+    b = assembled(*given, every, sample.closed)
+    right = applied(b.source, w, v.a) - applied(b.D, w, force, kind=float)
+    b = assembled(*given, sample.closed, every)
+    left = applied(b.lead, w, v.b, True) - applied(b.D, w, v.eta, True, float)
+    both = (rows.followed, right), (rows.acting, left)
+    seen, met = (
+        dict(zip(names, x.reshape(len(names), elements, z.size), strict=True)) for names, x in both
+    )
+    return seen, met
 
 
 def mode_displacements(
@@ -315,9 +310,9 @@ def _driven(
         force, along = m.sample.forces(m.sample.gaps_and_rates(m.z, y)), rows.acting
     interface = component.interface(m.x)
     I = sp.vstack([interface[name] for name in along]).tocsr()
-    for body, at in zip(m.sample.bodies, m.sample.closed, strict=True):
+    for number, body in enumerate(m.sample.bodies):
         if body.component is component:
-            acting, there = at.rows(len(along), body.elements.size, m.sample.count)
+            acting, there = m.sample.closed.rows(number, len(along), body.elements.size)
             kept = times(component.W, m.a[body.modes])
             yield body, kept, times(I[acting].T.tocsr(), force[there]), error
 

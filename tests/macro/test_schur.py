@@ -1,0 +1,73 @@
+"""Flexibility of rows from a factorisation with a Schur complement, against dense inverses."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.macro import schur
+from brake_fenicsx.macro.schur import InterfaceFactor
+
+ROWS, SIDE = 40, 8
+
+
+def system(symmetric):
+    """An indefinite difference operator on a cube, skew parts without symmetry, and rows."""
+    rng, line = np.random.default_rng(0), sp.diags([-1.0, 2.0, -1.0], [-1, 0, 1], (SIDE, SIDE))
+    one, n = sp.identity(SIDE), SIDE**3
+    P = sum(sp.kron(sp.kron(*a), b) for a, b in (((line, one), one), ((one, line), one)))
+    P = P + sp.kron(sp.kron(one, one), line) - 0.71 * sp.identity(n)
+    if not symmetric:
+        P = P + sp.diags([0.3, -0.3], [1, -1], (n, n))
+    B = sp.random(ROWS, n, 0.01, random_state=rng) + sp.identity(n, format="csr")[:ROWS]
+    return P.tocsr(), B.tocsr()
+
+
+@pytest.mark.parametrize("available", [True, False], ids=["complement", "solves"])
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_flexibility_and_solves(symmetric, available, monkeypatch):
+    """By the Schur complement and by blocks of solves; P^-1 and P^-T of other columns."""
+    monkeypatch.setattr(schur, "AVAILABLE", available and schur.AVAILABLE)
+    P, B = system(symmetric)
+    factor, inverse = InterfaceFactor(P, B, symmetric), np.linalg.inv(P.toarray())
+    b = np.random.default_rng(1).standard_normal((P.shape[0], 3))
+    pairs = [(factor.flexibility, B @ inverse @ B.T), (factor.solve(b), inverse @ b)]
+    pairs.append((factor.solve(b, True), inverse.T @ b))
+    for found, exact in pairs:
+        assert np.abs(found - exact).max() < 1e-10 * np.abs(exact).max()
+    if symmetric:
+        assert factor.negative_pivots == np.sum(np.linalg.eigvalsh(P.toarray()) < 0) > 0
+    factor.destroy()
+
+
+def test_this_library_has_the_schur_complement():
+    """Catches a name that the library lacks, where blocks of solves took its place in silence."""
+    assert schur.AVAILABLE
+
+
+def test_no_row():
+    """A body without contact: solves alone."""
+    P, B = system(True)
+    factor = InterfaceFactor(P, B[:0])
+    assert factor.flexibility.shape == (0, 0)
+    b = np.ones((P.shape[0], 1))
+    np.testing.assert_allclose(P @ factor.solve(b), b, atol=1e-10)
+
+
+@pytest.mark.parametrize("where", ["flexibility", "solve"])
+def test_a_wrong_factor_is_refused(where, monkeypatch):
+    """One entry of the flexibility, or all solutions, wrong: said, and no number returned."""
+    complement, solve = InterfaceFactor._complement, InterfaceFactor.solve
+
+    def one_entry_off(self):
+        G = complement(self)
+        G[0, 1] += 1e-2 * np.abs(G).max()
+        return G
+
+    wrong = {
+        "flexibility": ("_complement", one_entry_off),
+        "solve": ("solve", lambda self, *given: 1.001 * solve(self, *given)),
+    }
+    monkeypatch.setattr(InterfaceFactor, *wrong[where])
+    with pytest.raises(InaccurateResult, match="the factor of a body is wrong"):
+        InterfaceFactor(*system(True))
