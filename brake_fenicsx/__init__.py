@@ -4,9 +4,9 @@ from importlib import import_module
 
 TYPE_CHECKING = False  # as in typing, whose import would take longer than all else here
 if TYPE_CHECKING:
-    from .branches import Branches
     from .model import Model, prepare, sample, sweep
     from .pipeline import assemble, run
+    from .sweeps.followed import Branches
 
 __version__ = "0.3.0"
 __all__ = ["Branches", "Model", "assemble", "prepare", "run", "sample", "sweep"]
@@ -17,7 +17,7 @@ __all__ = ["Branches", "Model", "assemble", "prepare", "run", "sample", "sweep"]
 def __getattr__(name: str) -> object:
     """Functions of the package."""
     if name in __all__:
-        homes = {"assemble": "pipeline", "run": "pipeline", "Branches": "branches"}
+        homes = {"assemble": "pipeline", "run": "pipeline", "Branches": "sweeps.followed"}
         return getattr(import_module(f"{__name__}.{homes.get(name, 'model')}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

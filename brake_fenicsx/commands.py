@@ -28,41 +28,40 @@ lists them all. A folder that holds results of another scene is refused, and so 
 folder where one is at work. Options after -- go to PETSc."""
 
 
-@dataclass(frozen=True, slots=True)
-class Argument:
-    """An argument as ``argparse`` takes it, and what a shell completes it by: file or folder."""
-
-    words: tuple[str, ...]
-    options: dict[str, Any]
-    complete: str = ""
+Argument = tuple[tuple[str, ...], dict[str, Any]]  # words, and options of ``argparse``
+Function = Callable[[Any, Any], str | None]
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A command: its word, what it does, its arguments, and text below its help.
+    """A command: a function, its arguments, and text below its help.
 
     Attributes:
         alone: whether the first process alone runs it.
     """
 
-    run: Callable[[Any, Any], str | None]
-    word: str
-    text: str
+    run: Function
     arguments: tuple[Argument, ...]
     epilog: str | None = None
     alone: bool = False
 
+    @property
+    def text(self) -> str:
+        """What it does: the docstring of the function."""
+        said = (self.run.__doc__ or "").rstrip(".")
+        return said[:1].lower() + said[1:]
 
-def argument(*words: str, complete: str = "", **options: Any) -> Argument:
-    """An argument of a command."""
-    return Argument(words, options, complete)
+
+def argument(*words: str, **options: Any) -> Argument:
+    """An argument of a command; a shell completes it as ``complete`` says, "file" or "folder"."""
+    return words, options
 
 
 def command(
-    text: str, *arguments: Argument, epilog: str | None = None, alone: bool = False
-) -> Callable[[Callable[[Any, Any], str | None]], Command]:
+    *arguments: Argument, epilog: str | None = None, alone: bool = False
+) -> Callable[[Function], Command]:
     """Make a command of the function below, by whose name it is called."""
-    return lambda run: Command(run, run.__name__, text, arguments, epilog, alone)
+    return lambda run: Command(run, arguments, epilog, alone)
 
 
 def folder_of(name: str) -> Argument:
@@ -91,19 +90,15 @@ VERBOSE = argument("-v", dest="verbose", action="store_true",
                    help="show more messages, and the traceback of an error")  # fmt: skip
 
 
-@command(
-    "read a scene; report what a run builds, and estimate its memory, disc and time",
-    SCENE, SET, ALLOW, JSON, epilog=AFTER_CHECK,
-)  # fmt: skip
+@command(SCENE, SET, ALLOW, JSON, epilog=AFTER_CHECK)
 def check(options: Any, comm: Any) -> None:
-    """Check a scene."""
+    """Read a scene; report what a run builds, and estimate its memory, disc and time."""
     from brake_fenicsx.description import describe
 
     describe(options.scene, comm, options.set, options.json, options.quiet)
 
 
 @command(
-    "run a scene, or resume its run",
     SCENE, SET, ALLOW, JSON,
     argument("--from", dest="from_stage", choices=STAGES, metavar="STAGE",
              help=f"recompute this stage and all later ones: {', '.join(STAGES)}"),
@@ -113,7 +108,7 @@ def check(options: Any, comm: Any) -> None:
     folder_of("results"), CACHE, PICTURES, epilog=AFTER_RUN,
 )  # fmt: skip
 def run(options: Any, comm: Any) -> str | None:
-    """Run a scene, or a share of its samples."""
+    """Run a scene, or resume its run."""
     from brake_fenicsx import pipeline
     from brake_fenicsx.folder.lock import read_share
 
@@ -127,38 +122,32 @@ def run(options: Any, comm: Any) -> str | None:
     return json.dumps(done.outcome(), indent=1) if options.json else None
 
 
-@command(
-    "compute the data shared by all samples, the first step of a job array (run --share)",
-    SCENE, SET, ALLOW, folder_of("results"), CACHE,
-)  # fmt: skip
+@command(SCENE, SET, ALLOW, folder_of("results"), CACHE)
 def prepare(options: Any, comm: Any) -> None:
-    """Make what all samples share."""
+    """Compute the data shared by all samples, the first step of a job array (run --share)."""
     from brake_fenicsx import pipeline
 
     scene, directory, changes = options.scene, options.directory, options.set
     pipeline.run(scene, comm, directory, changes, cache=options.cache, prepare=True)
 
 
-@command(
-    "print the JSON Schema of a scene, by which editors complete and check its keys", alone=True
-)
+@command(alone=True)
 def schema(options: Any, comm: Any) -> str:
-    """Print the schema of a scene."""
+    """Print the JSON Schema of a scene, by which editors complete and check its keys."""
     from brake_fenicsx.scene import scene_type
-    from brake_fenicsx.scene.tables import json_schema
+    from brake_fenicsx.scene.keys import json_schema
 
     return json.dumps(json_schema(scene_type()), indent=1)
 
 
 @command(
-    "regenerate the figures and the report of a results folder",
     DIRECTORY,
     argument("--csv", action="store_true",
              help="write modes.csv too, where a run wrote modes.parquet"),
     PICTURES, alone=True,
 )  # fmt: skip
 def report(options: Any, comm: Any) -> None:
-    """Write the page of a run again."""
+    """Regenerate the figures and the report of a results folder."""
     from brake_fenicsx import pipeline
 
     pipeline.report(Path(options.directory), pictures=options.pictures)
@@ -169,13 +158,12 @@ def report(options: Any, comm: Any) -> None:
 
 
 @command(
-    "how far a run is: samples done, who is at work, time to go",
     DIRECTORY,
     argument("--json", action="store_true", help="print it as JSON, for other programs"),
     alone=True,
-)
+)  # fmt: skip
 def status(options: Any, comm: Any) -> str:
-    """Say how far a run is."""
+    """How far a run is: samples done, who is at work, time to go."""
     from brake_fenicsx.folder.status import read_status
 
     found = read_status(options.directory)

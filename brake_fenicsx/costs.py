@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import active_terms, reduced_approaches
+from brake_fenicsx.scene.approaches import active_terms, reduced_approaches
 from brake_fenicsx.scene.scalars import changes_bodies
 
 # Degree of the interpolation over scalars of the bodies at the default tolerance, and the points

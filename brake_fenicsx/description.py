@@ -29,8 +29,7 @@ from brake_fenicsx.costs import (
     work_of_a_second,
 )
 from brake_fenicsx.scene import Scene, read_scene
-from brake_fenicsx.scene.damping import active_terms
-from brake_fenicsx.scene.friction import listed
+from brake_fenicsx.scene.approaches import active_terms, listed
 from brake_fenicsx.scene.units import several
 
 if TYPE_CHECKING:

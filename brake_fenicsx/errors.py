@@ -1,8 +1,13 @@
-"""The named errors of the program: text = what, where, value, remedy."""
+"""The named errors of the program: text = what, where, value, remedy, in one line."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
+
+
+def one_line(text: object) -> str:
+    """A text of any number of lines as one."""
+    return " ".join(str(text).split())
 
 
 class BrakeError(Exception):
@@ -13,6 +18,14 @@ class BrakeError(Exception):
     """
 
     known: Mapping[str, Any] = MappingProxyType({})
+
+    def __init__(self, text: object = ""):
+        """Begin.
+
+        Args:
+            text: in any number of lines, which become one.
+        """
+        super().__init__(one_line(text))
 
 
 class SceneError(BrakeError, ValueError):

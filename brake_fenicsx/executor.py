@@ -15,7 +15,7 @@ from concurrent.futures import Executor
 from functools import lru_cache
 from pathlib import Path
 from socket import gethostname
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from mpi4py import MPI
 
@@ -26,7 +26,6 @@ from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.sample_files import BLOCK, Task
 
 if TYPE_CHECKING:
-    from brake_fenicsx.model import Model
     from brake_fenicsx.samples.study import Study
 
 Record = dict[str, Any]
@@ -57,7 +56,13 @@ class Source(NamedTuple):
     table: str = ""
 
 
-def samples_here(model: Model, tasks: Sequence[Task]) -> Iterator[Record]:
+class Prepared(Protocol):
+    """What has the samples of a prepared scene, and keeps their folder while it is there."""
+
+    study: Study
+
+
+def samples_here(model: Prepared, tasks: Sequence[Task]) -> Iterator[Record]:
     """Samples by this process; those that are stored are read.
 
     Args:
@@ -72,7 +77,7 @@ def samples_here(model: Model, tasks: Sequence[Task]) -> Iterator[Record]:
 
 
 def samples_elsewhere(
-    model: Model, tasks: Sequence[Task], source: Source, executor: Executor, chunksize: int
+    model: Prepared, tasks: Sequence[Task], source: Source, executor: Executor, chunksize: int
 ) -> Iterator[Record]:
     """Samples by the workers of an executor as they end; those that are stored come first.
 

@@ -9,7 +9,7 @@ when it is used.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     import scipy.sparse as sp
     from numpy.typing import ArrayLike, NDArray
 
-    from brake_fenicsx.build.brake import Brake
     from brake_fenicsx.micro.law import Law
 
     Array = NDArray[np.float64]
@@ -64,7 +63,8 @@ class Extra:
             arrays to store; the reduced model serves it.
         band: kept modes of the reduced model reach this multiple of the band for it.
         arrays: how names of these arrays begin.
-        stage: ``stage(run, study)``, after the results; collective.
+        stage: ``stage(run, study)``, after the results; collective; it gives a ``RowTable`` by
+            stem on the first process.
         tables: stems of its tables, which ``RunData.extras`` holds.
         make_tables: ``tables(stored)``, a ``RowTable`` by stem, from the stored samples.
         figures: name of a figure -> ``draw(run)``, and its caption.
@@ -94,7 +94,8 @@ class Extra:
 @cache
 def extras() -> tuple[Extra, ...]:
     """All extras there are: of this program, then of other packages, each by name."""
-    found, folder = list[Extra](), list[str]()
+    found = list[Extra]()
+    folder: Iterable[str] = ()
     with suppress(ModuleNotFoundError):  # the core may stand alone
         folder = import_module(GROUP).__path__
     for module in sorted(iter_modules(folder), key=lambda module: module.name):
@@ -182,7 +183,7 @@ class FrictionLaw(Protocol):
 class DampingTerm(Protocol):
     """Damping of the bodies, the same in all samples."""
 
-    def matrix(self, brake: Brake) -> sp.csr_matrix:
+    def matrix(self, brake: Any) -> sp.csr_matrix:
         """Damping matrix [N s/m], in the dofs of ``brake.M`` and ``brake.K``."""
 
 

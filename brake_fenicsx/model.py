@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brake_fenicsx.arguments import listed, of_kind, positive, quantity
-from brake_fenicsx.branches import Branches
 from brake_fenicsx.checks import check
 from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SceneError
@@ -29,13 +28,14 @@ from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import before_samples, make_study
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import result_digest
+from brake_fenicsx.scene.keys import KeyMistake
 from brake_fenicsx.scene.objects import with_objects
 from brake_fenicsx.scene.read import from_text, scene_text, toml_text
-from brake_fenicsx.scene.samples import unit_of
+from brake_fenicsx.scene.samples_section import unit_of
 from brake_fenicsx.scene.scalars import check_scalar, si_unit
-from brake_fenicsx.scene.sweep import Range, Sweep
-from brake_fenicsx.scene.tables import KeyMistake
+from brake_fenicsx.scene.sweep_section import Range, Sweep
 from brake_fenicsx.stages import Run
+from brake_fenicsx.sweeps.followed import Branches
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium

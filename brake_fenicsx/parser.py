@@ -94,15 +94,17 @@ def parser() -> argparse.ArgumentParser:
     words = top.add_subparsers(dest="word", required=True, metavar="COMMAND")
     ours = [load(name) for extra in extras() for name in extra.commands]
     for command in (*COMMANDS, *ours):
+        raw = argparse.RawDescriptionHelpFormatter
+        kind = raw if command.epilog else argparse.HelpFormatter
         one = words.add_parser(
-            command.word, help=command.text, description=command.text, epilog=command.epilog,
-            formatter_class=argparse.RawDescriptionHelpFormatter if command.epilog
-            else argparse.HelpFormatter,
+            command.run.__name__, help=command.text, description=command.text,
+            epilog=command.epilog, formatter_class=kind,
         )  # fmt: skip
         one.set_defaults(command=command)
-        for argument in (*command.arguments, QUIET, VERBOSE):
-            added = one.add_argument(*argument.words, **argument.options)
-            added.kind = argument.complete  # type: ignore[attr-defined]
+        for names, options in (*command.arguments, QUIET, VERBOSE):
+            given = {key: value for key, value in options.items() if key != "complete"}
+            added = one.add_argument(*names, **given)
+            added.kind = options.get("complete", "")  # type: ignore[attr-defined]
     return top
 
 

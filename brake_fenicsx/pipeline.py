@@ -39,8 +39,8 @@ from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.folder.store import PREPARED, Store
 from brake_fenicsx.results.versions import differences, versions
 from brake_fenicsx.scene import STAGES, read_scene
+from brake_fenicsx.scene.approaches import friction_texts, listed
 from brake_fenicsx.scene.digest import result_digest
-from brake_fenicsx.scene.friction import friction_texts, listed
 from brake_fenicsx.scene.in_effect import in_effect
 from brake_fenicsx.stages import Run, note_warnings
 
@@ -106,9 +106,8 @@ def run(
     """
     parsed = read_scene(scene, overrides)
     if not parsed.stages:
-        raise SceneError(
-            f"{parsed.file}: stages = []: nothing to run; name some of {', '.join(STAGES)}"
-        )
+        raise SceneError(f"""{parsed.file}: stages = []: nothing to run; name some of
+            {", ".join(STAGES)}""")
     if directory is None:
         directory = Path.cwd() / f"{parsed.file.stem}-results"
     store = Store(Path(directory))
@@ -175,10 +174,9 @@ def refuse_if_all_failed(this: Run) -> None:
     good = sum(about["good"] for about in this.facts.get("samples", {}).values())
     failed = this.comm.bcast(0 if good else this.facts.get("failed_samples", 0), root=0)
     if failed:
-        raise BrakeError(
-            f"all samples failed ({failed} of {failed}); {this.store.path('samples.csv')} names the"
-            " error of each, and --from uncertainty computes them again"
-        )
+        raise BrakeError(f"""all samples failed ({failed} of {failed});
+            {this.store.path("samples.csv")} names the error of each, and --from uncertainty
+            computes them again""")
 
 
 def before_samples(
@@ -324,7 +322,7 @@ def mechanics(
     with this.stage("results"):
         if this.comm.rank == 0:
             this.store.forget_tables()
-        from brake_fenicsx.results.output import write_results
+        from brake_fenicsx.results.output import save_stage, write_results
 
         first = write_results(study)
         if sweep is not None:
@@ -355,7 +353,7 @@ def mechanics(
     for extra in named(this.scene):
         if extra.stage:
             with this.stage(extra.name):
-                load(extra.stage)(this, study)
+                save_stage(this.store, extra.name, load(extra.stage)(this, study) or {})
 
 
 def draw_mesh(this: Run, brake: Brake) -> None:

@@ -10,7 +10,7 @@ from sphinx.application import Sphinx
 import brake_fenicsx
 from brake_fenicsx import macro, micro
 from brake_fenicsx.scene import scene_type
-from brake_fenicsx.scene.tables import json_schema
+from brake_fenicsx.scene.keys import json_schema
 
 # Names that are imported on use, so that autodoc finds them.
 for package in (macro, micro):

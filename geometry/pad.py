@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from . import pad_shape
+from .pad_shape import Pad
 from .part import (
     PartEntities,
     Slab,
@@ -18,70 +18,6 @@ from .part import (
     flat_at,
     volumes_between,
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Pad:
-    """Parameters of the pad. Lengths in m, angles in rad.
-
-    Attributes:
-        side: "top", "bottom" or "both" sides of the disc.
-        shape: of lining and plate: "sector" of a ring; "parallel" ends between the two arcs;
-            "rectangle".
-        z: height of the friction face above the disc's mid plane [m].
-        r_inner: inner radius of lining and plate [m].
-        r_outer: outer radius of lining and plate [m].
-        angle: opening angle [rad].
-        width: tangential extent of a pad with parallel ends [m]; the chord of ``angle`` at mid
-            radius if not given.
-        position: angle of the pad's middle from the x axis [rad].
-        lining: thickness of the lining [m].
-        plate: thickness of the back plate [m].
-        shim: thickness of the shim [m]; 0: no shim is built; several values: one for each layer,
-            from the plate outwards.
-        shim_layers: number of equal layers of a shim of one thickness.
-        ear_length: tangential length of an ear [m]; 0: no ears.
-        ear_width: radial width of an ear [m].
-        piston_diameter: diameter of the loaded circle on the outermost layer [m]; the part of the
-            circle outside lining and plate is cut off.
-        chamfer: tangential length of the chamfers at both ends of the lining [m]; 0: none.
-        chamfer_depth: depth of the chamfers at the ends [m]; equal to ``chamfer`` if not given.
-        slot: width of a radial slot in the middle of the lining [m]; 0: none.
-        slot_depth: depth of the slot [m]; the whole lining if not given.
-        size: mesh size of the lining's friction face [m].
-        plate_size: mesh size of the plate [m].
-        shim_size: mesh size of the shim [m]; the plate's if not given.
-        mirror: the meshes of the two pads are exact mirror images.
-    """
-
-    side: str = "both"
-    shape: str = "sector"
-    z: float = field(default=10e-3, metadata={"unit": "m", "sign": "any"})
-    r_inner: float = field(default=96e-3, metadata={"unit": "m"})
-    r_outer: float = field(default=140e-3, metadata={"unit": "m"})
-    angle: float = field(default=np.pi / 3, metadata={"unit": "rad"})
-    width: float | None = field(default=None, metadata={"unit": "m"})
-    position: float = field(default=np.pi / 2, metadata={"unit": "rad", "sign": "any"})
-    lining: float = field(default=10e-3, metadata={"unit": "m"})
-    plate: float = field(default=6e-3, metadata={"unit": "m"})
-    shim: float | tuple[float, ...] = field(default=0.0, metadata={"unit": "m", "sign": "zero"})
-    shim_layers: int = 1
-    ear_length: float = field(default=10e-3, metadata={"unit": "m", "sign": "zero"})
-    ear_width: float = field(default=16e-3, metadata={"unit": "m"})
-    piston_diameter: float = field(default=54e-3, metadata={"unit": "m"})
-    chamfer: float = field(default=0.0, metadata={"unit": "m", "sign": "zero"})
-    chamfer_depth: float | None = field(default=None, metadata={"unit": "m"})
-    slot: float = field(default=0.0, metadata={"unit": "m", "sign": "zero"})
-    slot_depth: float | None = field(default=None, metadata={"unit": "m"})
-    size: float = field(default=4.29e-3, metadata={"unit": "m"})
-    plate_size: float = field(default=6e-3, metadata={"unit": "m"})
-    shim_size: float | None = field(default=None, metadata={"unit": "m"})
-    mirror: bool = True
-
-    @property
-    def axis(self) -> float:
-        """Direction of the tangent at mid pad: angle from the x axis [rad]."""
-        return self.position + np.pi / 2
 
 
 def layers(pad: Pad) -> list[tuple[str, float]]:

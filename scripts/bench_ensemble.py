@@ -37,8 +37,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from brake_fenicsx.folder.files import arrays_of_bytes, bytes_of_arrays
-from brake_fenicsx.folder.sample_files import BLOCK, COLUMNS
+from brake_fenicsx.folder.sample_files import BLOCK, COLUMNS, arrays_of_bytes, bytes_of_arrays
 
 HERE = Path(__file__).parent
 SCENE = HERE / "scenes" / "disc_brake_demo.toml"
@@ -171,7 +170,7 @@ def intervals(args: argparse.Namespace) -> None:
     """First-order indices of Ishigami's function: error, width and coverage of the intervals."""
     from brake_fenicsx.results.sensitivity import indices
     from brake_fenicsx.samples.designs import design_points, design_size
-    from brake_fenicsx.scene.samples import Plan
+    from brake_fenicsx.scene.samples_section import Plan
 
     a, b = 7.0, 0.1
     variance = a**2 / 8 + b * np.pi**4 / 5 + b**2 * np.pi**8 / 18 + 0.5

@@ -9,16 +9,16 @@ from __future__ import annotations
 import argparse
 import inspect
 import re
-import sys
 import typing
 from collections.abc import Iterator
 from dataclasses import MISSING, Field, dataclass, is_dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.scene import BUILDERS, STAGES, scene_type
-from brake_fenicsx.scene.parts import FileKeys, PartKeys, builder_class
-from brake_fenicsx.scene.tables import keys_of, kind_text, kinds_of, meanings, written_default
+from brake_fenicsx.scene.keys import keys_of, kind_text, kinds_of, meanings, written_default
+from brake_fenicsx.scene.parts_section import FileKeys, PartKeys, builder_class
 from brake_fenicsx.scene.units import DIMENSIONS
 
 OUT = Path(__file__).parents[1] / "docs" / "scene.md"
@@ -131,7 +131,9 @@ def _parts() -> Iterator[str]:
     yield f"### without a builder\n\nA part from the mesh file.\n\n{table(FileKeys)}"
     for name in BUILDERS:
         cls = builder_class(name)
-        note = _plain((sys.modules[cls.__module__].__doc__ or "").strip().splitlines()[0])
+        note = _plain(
+            (import_module(f"brake_fenicsx.geometry.{name}").__doc__ or "").strip().splitlines()[0]
+        )
         yield f'### builder = "{name}"\n\n{note}\n\n{table(cls)}'
 
 

@@ -22,7 +22,7 @@ from brake_fenicsx.meshing.gmsh_mesh import gmsh_session
 from brake_fenicsx.meshing.meshfile import read_mesh_file
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.results.run import read_run
-from brake_fenicsx.scene.samples import Distribution, complete
+from brake_fenicsx.scene.samples_section import Distribution, complete
 from brake_fenicsx.surface import read_topography
 
 PACKAGE = Path(arrays.__file__).parents[1]

@@ -328,6 +328,7 @@ def test_table_of_the_log_stands_under_its_heading(tmp_path, monkeypatch):
         monkeypatch.setattr(module, name, lambda *_, **__: None)
     monkeypatch.setattr(results, "read_run", lambda _: SimpleNamespace(modes=1, samples=1))
     monkeypatch.setattr(overview, "summary_table", lambda _: "a  b\n1  2")
+    (tmp_path / "samples.csv").touch()
     start_log(0, tmp_path / "log.txt")
     pipeline.report(tmp_path)
     for handler in logger.handlers:

@@ -33,10 +33,10 @@ BELOW = {
 }
 
 
-def imported(file):
-    """Paths below the package that a module imports, names in them included."""
+def imported(file, tree=None):
+    """Paths below the package that a module imports, or part of it; names in them included."""
     package = file.relative_to(PACKAGE).parts[:-1]
-    for node in ast.walk(ast.parse(file.read_text())):
+    for node in ast.walk(tree or ast.parse(file.read_text())):
         if isinstance(node, ast.ImportFrom):
             module = tuple(node.module.split(".")) if node.module else ()
             if node.level:
@@ -71,6 +71,45 @@ def test_the_core_imports_no_extra():
 def sources():
     """Modules of the package; geometry is a link to a folder beside it."""
     return [*PACKAGE.rglob("*.py"), *(PACKAGE / "geometry").glob("*.py")]
+
+
+def statements(tree, types):
+    """Imports that run when a module is imported, and those for annotations if asked for."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield node
+        elif isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            yield from statements(node, types) if types else ()
+        elif not isinstance(node, ast.FunctionDef):
+            yield from statements(node, types)
+
+
+def graph(types):
+    """Module -> modules of the package that it imports; the package's own names load lazily."""
+    paths = {file.relative_to(PACKAGE).with_suffix("").parts: file for file in sources()}
+    modules = {path[:-1] if path[-1] == "__init__" else path: file for path, file in paths.items()}
+    modules.pop(())
+    out = {}
+    for module, file in modules.items():
+        tree = ast.Module([*statements(ast.parse(file.read_text()), types)], [])
+        found = [p if p in modules else p[:-1] for p in imported(file, tree)]
+        out[module] = {p for p in found if p in modules} - {module}
+    return out
+
+
+@pytest.mark.parametrize("types", [False, True])
+def test_no_module_imports_itself_through_others(types):
+    """Neither when it is imported nor, with the imports of its annotations, for a type checker."""
+    left = graph(types)
+    assert len(left) > 200 and sum(map(len, left.values())) > 700
+    while ready := [module for module, needs in left.items() if not needs & {*left}]:
+        for module in ready:
+            del left[module]
+    # What only leads to a circle is none of it.
+    while ends := [m for m in left if not any(m in needs for needs in left.values())]:
+        for module in ends:
+            del left[module]
+    assert not [m for m in left if m[:2] != ("stability", "substructures")]
 
 
 def test_no_two_classes_have_one_name():

@@ -97,7 +97,7 @@ def theirs(tmp_path_factory):
     """The extra of the developer guide, installed beside the package."""
     root = tmp_path_factory.mktemp("theirs")
     (root / "brake_fenicsx").symlink_to(PACKAGE)
-    blocks = re.findall(r"```(?:python|toml)\n# (\S+)\n(.*?)```", GUIDE.read_text(), re.S)
+    blocks = re.findall(r"```(?:python|ini)\n# (\S+)\n(.*?)```", GUIDE.read_text(), re.S)
     for name, text in blocks:
         (root / name).parent.mkdir(exist_ok=True)
         (root / name).write_text(text)

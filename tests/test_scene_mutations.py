@@ -13,8 +13,8 @@ from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene, scene_type
 from brake_fenicsx.scene.in_effect import in_effect
-from brake_fenicsx.scene.plausible import unusual
-from brake_fenicsx.scene.tables import json_schema
+from brake_fenicsx.scene.keys import json_schema
+from brake_fenicsx.scene.warnings import unusual
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 

@@ -25,7 +25,7 @@ SCENES |= {
 @pytest.fixture(scope="module")
 def validator():
     from brake_fenicsx.scene import scene_type
-    from brake_fenicsx.scene.tables import json_schema
+    from brake_fenicsx.scene.keys import json_schema
 
     schema = json_schema(scene_type())
     jsonschema.Draft202012Validator.check_schema(schema)
@@ -76,7 +76,7 @@ def test_command_prints_it_with_meanings_and_defaults(capsys):
     assert set(schema["properties"]) == {
         "stages", "surface", "micro", "mesh", "parts", "materials", "contact", "ties",
         "supports", "springs", "masses", "loads", "motion", "equilibrium", "stability", "samples",
-        "limit_cycle", "sweep", "countermeasures",
+        "limit_cycle", "sweep", "countermeasures", "extensions",
     }  # fmt: skip
     block = schema["$defs"]["Block"]["properties"]
     assert block["length"]["default"] == "40 mm"

@@ -36,8 +36,8 @@ from brake_fenicsx.macro.material import rotate_about_z
 from brake_fenicsx.macro.matrix_series import Power
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import turning_parts
-from brake_fenicsx.scene.samples import is_constant, split_key
+from brake_fenicsx.scene.approaches import turning_parts
+from brake_fenicsx.scene.samples_section import is_constant, split_key
 from brake_fenicsx.scene.scalars import SPEED, is_inertia, is_length
 from brake_fenicsx.stability.damping_matrices import gyroscopic
 

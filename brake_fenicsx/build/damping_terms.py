@@ -36,16 +36,15 @@ from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.friction import Rotation, SlidingFriction
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import (
-    Damping,
-    ModalDamping,
+from brake_fenicsx.scene.approaches import (
     active_terms,
     damped_bodies,
     damped_springs,
     turning_parts,
 )
-from brake_fenicsx.scene.samples import split_key
+from brake_fenicsx.scene.samples_section import split_key
 from brake_fenicsx.scene.scalars import SPEED
+from brake_fenicsx.scene.stability_section import Damping, ModalDamping
 from brake_fenicsx.stability.damping_matrices import (
     gyroscopic,
     loss_factor,

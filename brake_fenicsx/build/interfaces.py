@@ -17,8 +17,8 @@ from brake_fenicsx.macro.elasticity import FreeDofs
 from brake_fenicsx.macro.friction import Motion, Rotation, Translation
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.contact import Zone
-from brake_fenicsx.scene.friction import slides
+from brake_fenicsx.scene.approaches import slides
+from brake_fenicsx.scene.contact_section import Zone
 from brake_fenicsx.scene.units import quantity_text
 
 Array = NDArray[np.float64]

@@ -12,8 +12,8 @@ from brake_fenicsx.macro.faces import Face, gather_face
 from brake_fenicsx.macro.free_motions import FreeMotions, free_motions
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.friction import slides
-from brake_fenicsx.scene.sections import Motion
+from brake_fenicsx.scene.approaches import slides
+from brake_fenicsx.scene.bodies_section import Motion
 
 from .brake import Brake
 from .contact_doubts import displacement_doubts, resolution_doubts

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from brake_fenicsx.micro.halfspace import Boundary
     from brake_fenicsx.micro.settings import BulkCompliance
     from brake_fenicsx.micro.support import LawSupport
-    from brake_fenicsx.scene.surface import Micro
+    from brake_fenicsx.scene.surface_section import Micro
     from brake_fenicsx.surface import SurfaceStatistics
 
 PIECES = "cache/laws"

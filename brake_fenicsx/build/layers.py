@@ -10,7 +10,7 @@ from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material import Material
-from brake_fenicsx.scene.damping import turning_parts
+from brake_fenicsx.scene.approaches import turning_parts
 from brake_fenicsx.scene.scalars import SPEED
 from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.derivatives import bilinear

@@ -13,8 +13,8 @@ from brake_fenicsx.macro.stretching import Stretch, check_layer
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.meshing.rawmesh import RawMesh
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.faces import faces_by_area
-from brake_fenicsx.scene.parts import (
+from brake_fenicsx.scene.body_rules import faces_by_area
+from brake_fenicsx.scene.parts_section import (
     FILE_LAYER,
     layers_of_thickness,
     length_key,

@@ -38,7 +38,7 @@ from brake_fenicsx.macro.material import (
     transversely_isotropic,
 )
 from brake_fenicsx.scene import MaterialTable, Scene
-from brake_fenicsx.scene.samples import is_constant, split_key
+from brake_fenicsx.scene.samples_section import is_constant, split_key
 from brake_fenicsx.scene.scalars import written_value
 
 Array = NDArray[np.float64]

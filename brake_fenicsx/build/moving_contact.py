@@ -22,7 +22,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.contact import Contact, join, restricted
 from brake_fenicsx.macro.morphing import Moving
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.tables import key_parts
+from brake_fenicsx.scene.keys import key_parts
 
 Array = NDArray[np.float64]
 

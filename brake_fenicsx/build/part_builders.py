@@ -21,7 +21,6 @@ from brake_fenicsx.meshing.brake_mesh import (
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings, gmsh_session
 from brake_fenicsx.meshing.rawmesh import RawMesh, joined
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.parts import builder_module
 
 from .mesh_files import file_mesh
 
@@ -29,7 +28,7 @@ from .mesh_files import file_mesh
 def scene_parts(scene: Scene) -> dict[str, Builder]:
     """Builder module and parameters of each part that has a builder."""
     return {
-        name: (builder_module(part), part.parameters)
+        name: (part.shape, part.parameters)
         for name, part in scene.parts.items()
         if part.builder is not None
     }

@@ -6,7 +6,7 @@ from typing import Any
 
 from brake_fenicsx.meshing.rawmesh import Stated, Unread
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.friction import slides
+from brake_fenicsx.scene.approaches import slides
 
 
 def left_out(scene: Scene, unread: Unread) -> dict[str, list[Stated]]:

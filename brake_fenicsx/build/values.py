@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.samples import is_constant, split_key
+from brake_fenicsx.scene.samples_section import is_constant, split_key
 from brake_fenicsx.scene.scalars import SPEED, is_length
 
 from .material_table import by_material, nominal_value, stiffness, varied_stiffness

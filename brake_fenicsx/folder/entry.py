@@ -77,10 +77,9 @@ def enter_prepared(store: Store, wanted: Sequence[str], command: str, comm: MPI.
         mark = store.path(PREPARED)
         missing = {*wanted} - {*(json.loads(mark.read_text("utf-8")) if mark.exists() else ())}
         if missing:
-            raise SceneError(
-                f"-o {store.directory}: not prepared for {', '.join(sorted(missing))}; {command},"
-                " with the same changes, makes what all shares need"
-            )
+            raise SceneError(f"""-o {store.directory}: not prepared for
+                {", ".join(sorted(missing))}; {command}, with the same changes, makes what all
+                shares need""")
         store.lock = lock = Lock(store.path(RUNNING))
         _take(store, lock, f"{SHARE}-{store.share}".replace(" ", "-"), FOLDER)
 
@@ -96,11 +95,9 @@ def _take(store: Store, lock: Lock, claim: str, others: str) -> None:
         time.sleep(BEAT)
     else:
         return
-    raise SceneError(
-        f"-o {store.directory}: another run is at work there, {lock.described(owner)}; wait for its"
-        " end or stop it, or choose another folder; to divide the samples among runs, see `prepare`"
-        " and --share"
-    )
+    raise SceneError(f"""-o {store.directory}: another run is at work there,
+        {lock.described(owner)}; wait for its end or stop it, or choose another folder; to divide
+        the samples among runs, see `prepare` and --share""")
 
 
 def _on_first(work: Callable[[], T], store: Store, comm: MPI.Comm) -> T:
@@ -111,8 +108,7 @@ def _on_first(work: Callable[[], T], store: Store, comm: MPI.Comm) -> T:
             return work()
         except OSError as error:
             why = error.strerror or str(error)
-            raise SceneError(
-                f"-o {store.directory}: cannot be written ({why}); choose another folder with -o"
-            ) from None
+            raise SceneError(f"""-o {store.directory}: cannot be written ({why}); choose another
+                folder with -o""") from None
 
     return on_first(guarded, comm)

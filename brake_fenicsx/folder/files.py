@@ -1,26 +1,27 @@
-"""Files that appear whole or not at all, whatever ends the program."""
+"""Files that appear whole or not at all, whatever ends the program, and a folder of them."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import math
 import os
 import shutil
+import struct
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+import zipfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from brake_fenicsx.errors import StorageError
+from brake_fenicsx.folder.arrays import check_mapped, npy, read_npz, reading
 from brake_fenicsx.folder.lock import has_ended, process_name
 
 # End of the names of files that are being written, and when one of another machine is left [s].
 PART, OLD = ".part", 86400.0
-HEADS = 2**18  # bytes in which the line of ``bytes_of_arrays`` ends
 
 
 @contextmanager
@@ -44,9 +45,8 @@ def whole_file(path: Path, durable: bool = False) -> Iterator[Path]:
             _sync(path.parent)
     except OSError as error:
         why = str(error.strerror or error).replace(str(part), str(path))
-        raise StorageError(
-            f"{path}: cannot be written ({why}); the same command resumes the run once it can"
-        ) from error
+        raise StorageError(f"""{path}: cannot be written ({why}); the same command resumes the run
+            once it can""") from error
     finally:
         part.unlink(missing_ok=True)
 
@@ -89,26 +89,119 @@ def digest(content: Any) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def bytes_of_arrays(arrays: Mapping[str, np.ndarray[Any, Any]]) -> bytes:
-    """Arrays as one line of JSON, which tells their names, types and shapes, and their bytes.
+# Arrays begin at multiples of so many bytes in a file; the number of the zip field that pads them
+# (any reader skips it) [bytes].
+ALIGNED, PADDING = 64, 0xD935
 
-    To read an ``npz`` file of as many small arrays takes ten times as long.
+
+class ResultFiles:
+    """Files of one results folder.
+
+    Attributes:
+        directory: the folder.
+        digest: hash of the scene whose results it holds.
     """
-    # So that all of them are aligned.
-    order = sorted(arrays, key=lambda name: -arrays[name].dtype.alignment)
-    heads = [[name, arrays[name].dtype.str, arrays[name].shape] for name in order]
-    line = json.dumps(heads) + "\n"
-    # The line is filled up to a multiple of 64 bytes.
-    line = line[:-1] + " " * (-len(line) % 64) + "\n"
-    return line.encode() + b"".join(arrays[name].tobytes() for name in order)
+
+    def __init__(self, directory: Path):
+        self.directory: Path = directory
+        self.digest: str = ""
+
+    def path(self, *names: str) -> Path:
+        """A path in the folder."""
+        return self.directory.joinpath(*names)
+
+    def save(self, name: str, **arrays: Any) -> None:
+        """Write arrays under a name relative to the folder."""
+        size = sum(np.asarray(a).nbytes + 1024 for a in arrays.values()) + 1024
+        self.write(name, size, lambda file: _write_arrays(file, arrays))
+
+    def write(self, name: str, size: int, content: Callable[[BinaryIO], None]) -> None:
+        """Write a file whole or not at all.
+
+        Args:
+            name: relative to the folder.
+            size: number of bytes, or a little more.
+            content: writes them.
+
+        Raises:
+            StorageError: the file cannot be written.
+        """
+        with whole_file(self.path(name), durable=True) as part, part.open("wb") as file:
+            # A full disc is noticed here; a zip file would raise once more at its end.
+            os.posix_fallocate(file.fileno(), 0, size)
+            content(file)
+            file.truncate()
+
+    def load(
+        self, name: str, keys: Sequence[str] | None = None, mapped: bool = False
+    ) -> dict[str, np.ndarray[Any, Any]] | None:
+        """Arrays under a name, all or those of some keys; None where there is no such file.
+
+        Args:
+            name: relative to the folder.
+            keys: of the arrays wanted; all if None.
+            mapped: whether large arrays are mapped into memory and read-only, so that the processes
+                of a machine hold them once.
+
+        Raises:
+            SceneError: the file is damaged.
+        """
+        path = self.path(name)
+        try:
+            stream = path.open("rb")
+        except FileNotFoundError:
+            return None
+        with stream, damaged(path):
+            return read_npz(stream, keys, mapped)
+
+    def check_mapped(self, name: str) -> None:
+        """Compare what ``load`` maps of a file with its checksums; once a run.
+
+        Raises:
+            SceneError: the file is there, and damaged.
+        """
+        path = self.path(name)
+        if path.is_file():
+            with damaged(path):
+                check_mapped(path)
+
+    def save_json(self, name: str, content: Mapping[str, Any] | list[str]) -> None:
+        """Write a JSON file; infinity and nan, which JSON does not have, become null."""
+        text = json.dumps(content, default=_plain)
+        strict = json.loads(text, parse_constant=lambda _: None)
+        self.write_text(name, json.dumps(strict, indent=1) + "\n")
+
+    def write_text(self, name: str, text: str) -> None:
+        """Write a text file."""
+        with whole_file(self.path(name), durable=True) as part:
+            part.write_text(text, "utf-8")
 
 
-def arrays_of_bytes(content: bytes | memoryview) -> dict[str, np.ndarray[Any, Any]]:
-    """The arrays of ``bytes_of_arrays``, which cannot be written to."""
-    line = bytes(content[:HEADS]).partition(b"\n")[0]
-    start, out = len(line) + 1, {}
-    for name, kind, shape in json.loads(line):
-        dtype, size = np.dtype(kind), math.prod(shape)
-        out[name] = np.frombuffer(content, dtype, size, start).reshape(shape)
-        start += size * dtype.itemsize
-    return out
+def damaged(path: Path) -> AbstractContextManager[None]:
+    """A block that reads a file of the folder that is open, or may have been packed meanwhile."""
+    remedy = "remove this file, and the same command makes it again"
+    return reading(None, "as an npz file", f"damaged or cut short: {remedy}", at=f"{path}: ")
+
+
+def _write_arrays(file: BinaryIO, arrays: Mapping[str, Any]) -> None:
+    """An npz file, as ``numpy.savez`` writes it, whose arrays lie so that they can be mapped.
+
+    Each array begins at a multiple of ALIGNED bytes: an extra field pads the header before it.
+    """
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, values in arrays.items():
+            entry = zipfile.ZipInfo(f"{name}.npy")
+            # Fixed part, name, the field that pads, and that of the sizes in 64 bits.
+            start = file.tell() + 30 + len(entry.filename.encode()) + 4 + 20
+            gap = -start % ALIGNED
+            entry.extra = struct.pack("<HH", PADDING, gap) + bytes(gap)
+            with archive.open(entry, "w", force_zip64=True) as out:
+                npy.write_array(out, np.asanyarray(values), allow_pickle=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return str(value)

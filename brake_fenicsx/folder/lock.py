@@ -102,15 +102,11 @@ def _task_of_array(text: str) -> tuple[int, int]:
         # Numbers may have steps, as in --array=0-30:2; a list with gaps has no such order.
         step = max((high - low) // max(count - 1, 1), 1)
         if count > 1 and (low + (count - 1) * step != high or (here - low) % step):
-            raise SceneError(
-                f"--share: {count} tasks of a job array from {low} to {high} are not evenly spaced;"
-                " number them from 1 to N, or write --share I/N"
-            )
+            raise SceneError(f"""--share: {count} tasks of a job array from {low} to {high} are not
+                evenly spaced; number them from 1 to N, or write --share I/N""")
         return (here - low) // step + 1, count
-    raise SceneError(
-        f"--share {text}: none of {', '.join(names[0] for names in ARRAYS)} is set, this is no task"
-        " of a job array; write I/N, such as --share 3/16"
-    )
+    raise SceneError(f"""--share {text}: none of {", ".join(names[0] for names in ARRAYS)} is set,
+        this is no task of a job array; write I/N, such as --share 3/16""")
 
 
 def _integer(name: str) -> int | None:

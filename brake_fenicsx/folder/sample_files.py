@@ -10,25 +10,22 @@ run then reads no sample.
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import re
 import zipfile
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack, suppress
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.arrays import mapped_member, read_npz, reading
-from brake_fenicsx.folder.files import arrays_of_bytes, bytes_of_arrays
-
-if TYPE_CHECKING:
-    from brake_fenicsx.folder.store import Store
+from brake_fenicsx.folder.arrays import Arrays, mapped_member, read_npz
+from brake_fenicsx.folder.files import ResultFiles, damaged
 
 Task = tuple[str, int]
-Arrays = dict[str, np.ndarray[Any, Any]]
 Tabulate = Callable[[Sequence[Task], Callable[[Task], Arrays | None]], Arrays | None]
 
 # Samples of an archive: 10^5 samples are 400 files, and a damaged one costs little.
@@ -36,15 +33,10 @@ BLOCK = 256
 FOLDER = "samples"
 # Columns of a block in its archive; other columns have another number.
 COLUMNS = "columns-1"
+HEADS = 2**18  # bytes in which the line of ``bytes_of_arrays`` ends
 
 _SINGLE = re.compile(r"(.+)-(\d{5,})\.npz")
 _ARCHIVE = re.compile(r"(.+)-\d{5,}-\d{5,}\.zip")
-
-
-def damaged(path: Path) -> AbstractContextManager[None]:
-    """A block that reads a file of the folder that is open, or may have been packed meanwhile."""
-    remedy = "remove this file, and the same command makes it again"
-    return reading(None, "as an npz file", f"damaged or cut short: {remedy}", at=f"{path}: ")
 
 
 class SampleFiles:
@@ -55,13 +47,12 @@ class SampleFiles:
             them; None of blocks without. No columns are written if it is None.
     """
 
-    def __init__(self, store: Store):
-        self._store = store
+    def __init__(self, files: ResultFiles):
+        self._files = files
         self.tabulate: Tabulate | None = None
-        # Names of the samples in archives that were looked at, single files likewise, and archives
-        # whose columns were compared with their checksum.
-        self._archives: dict[str, frozenset[str]] = {}
-        self._checked: set[str] = set()
+        # Names of the samples in the files of this scene that were looked at, and archives whose
+        # columns were compared with their checksum.
+        self._known: dict[str, frozenset[str]] = {}
         self._whole: set[str] = set()
 
     def save(self, task: Task, **arrays: Any) -> None:
@@ -71,7 +62,7 @@ class SampleFiles:
             task: approach and number of the sample.
             arrays: arrays by name.
         """
-        self._store.save(_path(_single(task)), scene=np.array(self._store.digest), **arrays)
+        self._files.save(_path(_single(task)), scene=np.array(self._files.digest), **arrays)
         block = [(task[0], k) for k in _block(task)]
         if set(map(_single, block)) <= set(self._names()):
             self._pack(block)
@@ -82,12 +73,7 @@ class SampleFiles:
         Raises:
             SceneError: a file is damaged, or belongs to another scene.
         """
-        names: set[str] = set()
-        for name in self._names():
-            if _ARCHIVE.fullmatch(name):
-                names |= self._content(name)
-            elif _SINGLE.fullmatch(name) and self._is_single(name):
-                names.add(name)
+        names = {name for file in self._names() for name in self._content(file)}
         found = (_SINGLE.fullmatch(name) for name in names)
         return {(match[1], int(match[2])) for match in found if match}
 
@@ -95,15 +81,10 @@ class SampleFiles:
         """Hash of the scene of the first sample that can be read; "" without any."""
         for name in self._names():
             with suppress(SceneError, OSError):
-                if _SINGLE.fullmatch(name):
-                    return str((self._store.load(_path(name), ["scene"]) or {}).get("scene", ""))
-                if _ARCHIVE.fullmatch(name):
-                    path = self._store.path(FOLDER, name)
-                    with damaged(path), zipfile.ZipFile(path) as archive:
-                        return archive.comment.decode()
+                return self._look(name)[0]
         return ""
 
-    def load(self, task: Task) -> dict[str, np.ndarray[Any, Any]] | None:
+    def load(self, task: Task) -> Arrays | None:
         """Arrays of a sample; None where it is not computed yet.
 
         Raises:
@@ -111,13 +92,12 @@ class SampleFiles:
         """
         name = _single(task)
         # Between the two another process may have packed it.
-        data = self._store.load(_path(name))
-        if data is None and self._in_archive(task):
-            path = self._store.path(FOLDER, _archive(task))
-            with damaged(path), zipfile.ZipFile(path) as archive, archive.open(name) as member:
+        data = self._files.load(_path(name))
+        if data is None and name in self._content(_archive(task)):
+            with self._opened(_archive(task)) as archive, archive.open(name) as member:
                 data = read_npz(member)
-        if data is not None and str(data.pop("scene", "")) != self._store.digest:
-            raise _foreign(self._store.path(FOLDER, name))
+        if data is not None and str(data.pop("scene", "")) != self._files.digest:
+            raise self._foreign(name)
         return data
 
     def columns(self, task: Task) -> Arrays | None:
@@ -128,53 +108,61 @@ class SampleFiles:
         Raises:
             SceneError: the archive is damaged, or belongs to another scene.
         """
-        path = self._store.path(FOLDER, _archive(task))
-        if not path.exists():
+        if COLUMNS not in self._content(_archive(task)):
             return None
-        with damaged(path), zipfile.ZipFile(path) as file:
-            if file.comment.decode() != self._store.digest:
-                raise _foreign(path)
-            if COLUMNS not in file.NameToInfo:
-                return None
-            content = mapped_member(file, COLUMNS, check=path.name not in self._whole)
-            self._whole.add(path.name)
-            return arrays_of_bytes(content)
+        with self._opened(_archive(task)) as archive:
+            content = mapped_member(archive, COLUMNS, check=_archive(task) not in self._whole)
+        self._whole.add(_archive(task))
+        return arrays_of_bytes(content)
 
     def _names(self) -> list[str]:
-        """Files there are; none where there is no folder yet."""
-        folder = self._store.path(FOLDER)
-        return sorted(os.listdir(folder)) if folder.is_dir() else []
+        """Files of samples; none where there is no folder yet."""
+        folder = self._files.path(FOLDER)
+        there = sorted(os.listdir(folder)) if folder.is_dir() else []
+        return [name for name in there if _SINGLE.fullmatch(name) or _ARCHIVE.fullmatch(name)]
 
-    def _is_single(self, name: str) -> bool:
-        """Whether there is such a file, of this scene; looked at once where there is."""
-        if name not in self._checked:
-            data = self._store.load(_path(name), ["scene"])
-            if data is None:
-                return False
-            if str(data.get("scene", "")) != self._store.digest:
-                raise _foreign(self._store.path(FOLDER, name))
-            self._checked.add(name)
-        return self._store.path(FOLDER, name).exists()
-
-    def _in_archive(self, task: Task) -> bool:
-        return _single(task) in self._content(_archive(task))
-
-    def _content(self, archive: str) -> frozenset[str]:
-        """Samples in an archive; none where there is no such file."""
-        if archive not in self._archives:
-            path = self._store.path(FOLDER, archive)
-            if not path.exists():
+    def _content(self, name: str) -> frozenset[str]:
+        """What a file of this scene holds, looked at once; nothing where there is none."""
+        if name not in self._known:
+            try:
+                digest, names = self._look(name)
+            except FileNotFoundError:
                 return frozenset()
-            with damaged(path), zipfile.ZipFile(path) as file:
-                digest, names = file.comment.decode(), frozenset(file.namelist())
-            if digest != self._store.digest:
-                raise _foreign(path)
-            self._archives[archive] = names
-        return self._archives[archive]
+            if digest != self._files.digest:
+                raise self._foreign(name)
+            self._known[name] = names
+        return self._known[name]
+
+    def _look(self, name: str) -> tuple[str, frozenset[str]]:
+        """Hash of the scene of a file, and what it holds.
+
+        Raises:
+            FileNotFoundError: there is no such file, or it was packed meanwhile.
+        """
+        if _ARCHIVE.fullmatch(name):
+            with self._opened(name) as archive:
+                return archive.comment.decode(), frozenset(archive.namelist())
+        data = self._files.load(_path(name), ["scene"])
+        if data is None:
+            raise FileNotFoundError(name)
+        return str(data.get("scene", "")), frozenset({name})
+
+    @contextmanager
+    def _opened(self, name: str) -> Iterator[zipfile.ZipFile]:
+        """An archive."""
+        path = self._files.path(FOLDER, name)
+        with path.open("rb") as stream, damaged(path), zipfile.ZipFile(stream) as archive:
+            yield archive
+
+    def _foreign(self, name: str) -> SceneError:
+        return SceneError(
+            f"{self._files.path(FOLDER, name)}: does not belong to the scene of this folder; remove"
+            " this file, and the same command computes it again"
+        )
 
     def _pack(self, block: Sequence[Task]) -> None:
         """Copy the files of a block into its archive, and remove them."""
-        paths = [self._store.path(FOLDER, _single(task)) for task in block]
+        paths = [self._files.path(FOLDER, _single(task)) for task in block]
         with ExitStack() as opened:
             try:
                 files = [opened.enter_context(path.open("rb")) for path in paths]
@@ -185,7 +173,7 @@ class SampleFiles:
 
             def write(target: BinaryIO) -> None:
                 with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
-                    archive.comment = self._store.digest.encode()
+                    archive.comment = self._files.digest.encode()
                     for path, file in zip(paths, files, strict=True):
                         file.seek(0)
                         # The date of a file is no part of a result.
@@ -194,7 +182,7 @@ class SampleFiles:
                         archive.writestr(zipfile.ZipInfo(COLUMNS), columns)
 
             size = sum(os.fstat(file.fileno()).st_size + 512 for file in files) + len(columns) + 512
-            self._store.write(_path(_archive(block[0])), size, write)
+            self._files.write(_path(_archive(block[0])), size, write)
         for path in paths:
             path.unlink(missing_ok=True)
 
@@ -202,7 +190,7 @@ class SampleFiles:
         """Columns of a block as a file; none where nothing makes them."""
 
         def load(task: Task) -> Arrays:
-            with damaged(self._store.path(FOLDER, _single(task))):
+            with damaged(self._files.path(FOLDER, _single(task))):
                 data = read_npz(block[task])
             return {name: data[name] for name in data if name != "scene"}
 
@@ -228,8 +216,26 @@ def _path(name: str) -> str:
     return f"{FOLDER}/{name}"
 
 
-def _foreign(path: Path) -> SceneError:
-    return SceneError(
-        f"{path}: does not belong to the scene of this folder; remove this file, and the same"
-        " command computes it again"
-    )
+def bytes_of_arrays(arrays: Mapping[str, np.ndarray[Any, Any]]) -> bytes:
+    """Arrays as one line of JSON, which tells their names, types and shapes, and their bytes.
+
+    To read an ``npz`` file of as many small arrays takes ten times as long.
+    """
+    # So that all of them are aligned.
+    order = sorted(arrays, key=lambda name: -arrays[name].dtype.alignment)
+    heads = [[name, arrays[name].dtype.str, arrays[name].shape] for name in order]
+    line = json.dumps(heads) + "\n"
+    # The line is filled up to a multiple of 64 bytes.
+    line = line[:-1] + " " * (-len(line) % 64) + "\n"
+    return line.encode() + b"".join(arrays[name].tobytes() for name in order)
+
+
+def arrays_of_bytes(content: bytes | memoryview) -> Arrays:
+    """The arrays of ``bytes_of_arrays``, which cannot be written to."""
+    line = bytes(content[:HEADS]).partition(b"\n")[0]
+    start, out = len(line) + 1, {}
+    for name, kind, shape in json.loads(line):
+        dtype, size = np.dtype(kind), math.prod(shape)
+        out[name] = np.frombuffer(content, dtype, size, start).reshape(shape)
+        start += size * dtype.itemsize
+    return out

@@ -156,7 +156,7 @@ def load_laws(path: str | Path) -> LawLibrary:
     """
     file = Path(path)
     with reading(file, "as a library of laws", "remove it and run the micro stage"):
-        arrays = read_npz(file)
+        arrays: dict[str, Any] = dict(read_npz(file))
         settings = json.loads(str(arrays.pop("settings")))
         if "ratio" in arrays:
             raise ValueError("laws of an earlier version, which were wrong between their steps")

@@ -19,7 +19,7 @@ from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.results.run import RunData, read_run, save_tables
 from brake_fenicsx.results.squeal import ModeKey
 from brake_fenicsx.results.tables import RowTable
-from brake_fenicsx.scene.friction import slides
+from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.in_effect import in_effect
 
 from .mode_cards import SHAPES, ModeShape

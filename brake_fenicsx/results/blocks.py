@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.folder import sample_files
-from brake_fenicsx.folder.sample_files import FOLDER, Arrays, Task
+from brake_fenicsx.folder.arrays import Arrays
+from brake_fenicsx.folder.sample_files import FOLDER, Task
 from brake_fenicsx.folder.store import Store
 
 from .families import ModeFamilies
@@ -202,7 +203,7 @@ class SampleBlock:
         return [next(values).item() if there else default for there in self.sizes(name)]
 
 
-class Blocks:
+class StoredBlocks:
     """All blocks of some samples, in the order of the tasks; looked at again and again."""
 
     def __init__(self, store: Store, tasks: Sequence[Task], tabulate: Tabulation):

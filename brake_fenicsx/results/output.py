@@ -14,6 +14,7 @@ from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.samples.forces import contact_of, force_statistics
 from brake_fenicsx.samples.numbering import dof_points
@@ -183,3 +184,17 @@ def _write_shapes(study: Study, points: NDArray[np.float64], stored: StoredSampl
         u = study.models.coordinates.displacements(np.array([*known.values()]).T)
         body = study.models.numbering.body
         study.store.save(SHAPES, **family_shapes(points, body, u, np.array([*known])))
+
+
+def save_stage(store: Store, name: str, tables: Mapping[str, RowTable]) -> None:
+    """Write the tables of an extra's stage, and keep their columns.
+
+    Args:
+        store: the results folder.
+        name: of the extra.
+        tables: by their stem; none on other processes than the first.
+    """
+    for stem, table in tables.items():
+        table.write(store.path(f"{stem}.csv"))
+    if tables:
+        save_tables(store, f"{name}.npz", {stem: table.columns for stem, table in tables.items()})

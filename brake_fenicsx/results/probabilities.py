@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.samples.designs import RIGID
-from brake_fenicsx.scene.samples import Plan, Samples
+from brake_fenicsx.scene.samples_section import Plan, Samples
 
 from .run import RunData
 from .sensitivity import Indices, indices

@@ -206,6 +206,8 @@ def _of_samples(run: RunData, stored: StoredSamples) -> dict[str, Any]:
         if extra.make_tables and not in_effect.keys().isdisjoint(extra.sections):
             tables = load(extra.make_tables)(stored)
             found["extras"] |= {name: table.columns for name, table in tables.items()}
+        if extra.stage and not in_effect.keys().isdisjoint(extra.sections):
+            found["extras"] |= read_tables(run.directory / f"{extra.name}.npz")
     drivers = driver_table(stored, run.threshold)
     if drivers.cells:
         maps = contact_driver_table(stored, run.threshold)

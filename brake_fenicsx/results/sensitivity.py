@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from brake_fenicsx.samples.designs import HARMONICS, RIGID, library_seed, unit_problem
-from brake_fenicsx.scene.samples import Plan
+from brake_fenicsx.scene.samples_section import Plan
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 
-from .blocks import Blocks, SampleBlock, Tabulation
+from .blocks import SampleBlock, StoredBlocks, Tabulation
 from .columns import ma
 from .families import ModeFamilies
 from .tables import MODES, TEXTS, Columns, Value, as_array
@@ -60,7 +60,7 @@ class StoredSamples:
         self.members = ModeFamilies(known=tabulate.founders)
         self._squealing: dict[int, NDArray[np.complex64]] = {}
         self._beyond = ModeFamilies()
-        self._blocks = Blocks(store, tasks, tabulate)
+        self._blocks = StoredBlocks(store, tasks, tabulate)
         self._rows: list[SampleBlock] = []
         families: list[NDArray[np.int32]] = []
         layers: list[str] = []
@@ -181,7 +181,7 @@ class StoredModes(Mapping[str, Any]):
     """
 
     def __init__(
-        self, blocks: Blocks, families: list[NDArray[np.int32]], layers: Sequence[str]
+        self, blocks: StoredBlocks, families: list[NDArray[np.int32]], layers: Sequence[str]
     ):  # fmt: skip
         """Take the blocks.
 

@@ -28,7 +28,7 @@ from scipy import special
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import InputLaw
 from brake_fenicsx.scene import Distribution
-from brake_fenicsx.scene.samples import Plan
+from brake_fenicsx.scene.samples_section import Plan
 
 Array = NDArray[np.float64]
 # Harmonics M that FAST sums for each input.

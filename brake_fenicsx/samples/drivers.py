@@ -24,7 +24,7 @@ from brake_fenicsx.macro.equilibrium_change import (
     equilibrium_change,
 )
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.friction import slides
+from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.scalars import is_length
 from brake_fenicsx.stability.derivatives import (
     ContactDerivatives,

@@ -18,7 +18,7 @@ from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.material import engineering_constants
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.samples import is_constant, split_key
+from brake_fenicsx.scene.samples_section import is_constant, split_key
 
 from .designs import RIGID, correlated, correlation_root, design_points, design_size
 

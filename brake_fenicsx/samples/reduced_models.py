@@ -28,7 +28,7 @@ from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import active_terms, lone_samples, reduced_approaches
+from brake_fenicsx.scene.approaches import active_terms, lone_samples, reduced_approaches
 from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies, si_unit
 from brake_fenicsx.scene.units import quantity_text

@@ -34,8 +34,8 @@ from brake_fenicsx.micro import (
 )
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.scene import ContactTable, LawTable, Scene
-from brake_fenicsx.scene.contact import LAWS
-from brake_fenicsx.scene.friction import friction_of
+from brake_fenicsx.scene.approaches import friction_of
+from brake_fenicsx.scene.contact_section import LAWS
 from brake_fenicsx.scene.scalars import SPEED
 
 from .designs import roughness_of

@@ -1,12 +1,13 @@
 """The scene: reading, checking, and what it comes to in SI units."""
 
-from brake_fenicsx.scene.contact import ContactTable, Friction, LawTable
-from brake_fenicsx.scene.mesh import MeshTable
-from brake_fenicsx.scene.parts import BUILDERS, Part
+from brake_fenicsx.scene.contact_section import ContactTable, Friction, LawTable
+from brake_fenicsx.scene.mesh_section import MeshTable
+from brake_fenicsx.scene.parts_section import BUILDERS, MaterialTable, Part
 from brake_fenicsx.scene.read import read_scene
-from brake_fenicsx.scene.samples import Classical, Design, Distribution, Samples
-from brake_fenicsx.scene.sections import STAGES, MaterialTable, Scene, Stability, scene_type
-from brake_fenicsx.scene.surface import Micro, Statistics, Surface
+from brake_fenicsx.scene.samples_section import Classical, Design, Distribution, Samples
+from brake_fenicsx.scene.scene import STAGES, Scene, scene_type
+from brake_fenicsx.scene.stability_section import Stability
+from brake_fenicsx.scene.surface_section import Micro, Statistics, Surface
 
 __all__ = [
     "BUILDERS", "STAGES", "Classical", "ContactTable", "Design", "Distribution", "Friction",

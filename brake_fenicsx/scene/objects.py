@@ -9,11 +9,11 @@ from typing import Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extensions, own_class
-from brake_fenicsx.scene.damping import Damping
-from brake_fenicsx.scene.own import ExtensionsTable
+from brake_fenicsx.scene.extensions_section import ExtensionsTable
+from brake_fenicsx.scene.keys import dotted, read_table, shown
 from brake_fenicsx.scene.scalars import check_scalar
-from brake_fenicsx.scene.sections import Scene
-from brake_fenicsx.scene.tables import dotted, read_table, shown
+from brake_fenicsx.scene.scene import Scene
+from brake_fenicsx.scene.stability_section import Damping
 
 # What objects of each kind must do.
 METHODS = {
@@ -53,7 +53,8 @@ def own_objects(table: Mapping[str, Any], folder: Path) -> tuple[Extensions, dic
             if kind != "figures":
                 marks[f"{kind}.{name}"] = [given, *about]
     builders = made.pop("builders")
-    return Extensions(**{**made, "damping": [*made["damping"].values()], "marks": marks}), builders
+    objects: dict[str, Any] = {**made, "damping": [*made["damping"].values()], "marks": marks}
+    return Extensions(**objects), builders
 
 
 def with_objects(scene: Scene, own: Extensions) -> Scene:

@@ -16,13 +16,13 @@ from brake_fenicsx.arguments import of_kind
 from brake_fenicsx.endings import MESH_FILES
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import load, named
-from brake_fenicsx.scene.contact import with_table
-from brake_fenicsx.scene.damping import check_modal_names
+from brake_fenicsx.scene.contact_section import with_table
+from brake_fenicsx.scene.keys import contradictions, dotted, key_parts, read_table, shown
 from brake_fenicsx.scene.objects import own_objects, with_objects
 from brake_fenicsx.scene.rules import check_consistent
-from brake_fenicsx.scene.samples import complete
-from brake_fenicsx.scene.sections import STAGES, Scene, scene_type
-from brake_fenicsx.scene.tables import dotted, key_parts, read_table, shown
+from brake_fenicsx.scene.samples_section import complete
+from brake_fenicsx.scene.scene import STAGES, Scene, scene_type
+from brake_fenicsx.scene.stability_section import check_modal_names
 
 MAPPING = "scene (mapping)"  # in place of the path of a file
 
@@ -94,9 +94,8 @@ def _toml(path: Path) -> dict[str, Any]:
         raise SceneError(f"cannot be read ({error.strerror}); give the path of a scene") from None
     except (ValueError, RecursionError) as error:
         if path.suffix.lower() in MESH_FILES:
-            raise SceneError(
-                f"a mesh file; brake-fenicsx init {path} writes a first scene of it"
-            ) from None
+            raise SceneError(f"""a mesh file; brake-fenicsx init {path} writes a first scene of
+                it""") from None
         if not isinstance(error, UnicodeDecodeError):
             remedy = "; write paths with / or in single quotes" if "\\" in str(error) else ""
             raise SceneError(f"not a TOML file: {error}{remedy}") from None
@@ -125,6 +124,8 @@ def _scene(path: Path, table: dict[str, Any]) -> Scene:
     check_modal_names(table)
     own, builders = own_objects(table, path.parent)
     scene: Scene = read_table(scene_type(tuple(builders.items())), table)
+    for text in contradictions(scene):
+        raise SceneError(text)
     if scene.surface and len(scene.surface.scans) == 1:  # a list of one is that one, in hashes too
         table = {**table, "surface": {**table["surface"], "scan": scene.surface.scans[0]}}
     roughness = any(c.law == "library" or c.gap != "none" for c in scene.contact.values())

@@ -1,37 +1,25 @@
-"""Rules that hold between the sections of a scene."""
+"""Rules between sections of a scene: names, stages, approaches and what varies."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 from unicodedata import category
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.contact import contact_mistakes
-from brake_fenicsx.scene.damping import damping_mistakes
-from brake_fenicsx.scene.faces import face_mistakes
-from brake_fenicsx.scene.friction import rubs
-from brake_fenicsx.scene.parts import BUILDERS, part_lengths
-from brake_fenicsx.scene.samples import APPROACHES, split_key
+from brake_fenicsx.scene.approaches import rubs
+from brake_fenicsx.scene.body_rules import damping_mistakes, face_mistakes, part_mistakes
+from brake_fenicsx.scene.contact_rules import contact_mistakes, surface_mistakes, sweep_mistakes
+from brake_fenicsx.scene.keys import dotted
+from brake_fenicsx.scene.samples_section import APPROACHES, split_key
 from brake_fenicsx.scene.scalars import check_scalar
-from brake_fenicsx.scene.sections import STAGES
-from brake_fenicsx.scene.surface import surface_mistakes
-from brake_fenicsx.scene.sweep import sweep_mistakes
-from brake_fenicsx.scene.tables import dotted
-
-if TYPE_CHECKING:
-    from brake_fenicsx.scene.sections import Scene
+from brake_fenicsx.scene.scene import STAGES, Scene
 
 # Sections without which a stage has nothing to do, and stages that build on another one.
 SECTIONS = {
     "surface": "surface", "micro": "micro", "equilibrium": "contact", "stability": "stability",
 }  # fmt: skip
 PREDECESSORS = {"micro": "surface", "stability": "equilibrium", "uncertainty": "equilibrium"}
-
 LONGEST_NAME = 100
-# Finer sizes, which the number of cells that is looked at before meshing leaves out -> the least
-# share of the part's length: ten million facets of a face; a spot or a line may be finer.
-FINEST = {"face_size": 3e-4, "fine": 1e-5}
 # Keys of [samples] that are about many of them.
 MANY = ("n", "random", "design", "curves", "parametric", "joint", "limit")
 
@@ -43,7 +31,7 @@ def check_consistent(s: Scene) -> None:
         SceneError: the key, its value and the remedy.
     """
     rules = (
-        _names, _stages, surface_mistakes, _parts, contact_mistakes, face_mistakes, _motion,
+        _names, _stages, surface_mistakes, part_mistakes, contact_mistakes, face_mistakes, _motion,
         damping_mistakes, _varied, sweep_mistakes, _approaches,
     )  # fmt: skip
     for rule in rules:
@@ -57,19 +45,15 @@ def _names(s: Scene) -> Iterator[str]:
         for name in getattr(s, section):
             hidden = any(category(c)[0] == "C" or category(c) in ("Zl", "Zp") for c in name)
             if hidden or "." in name or not 0 < len(name.strip()) <= LONGEST_NAME:
-                yield (
-                    f"{dotted(section, name[:LONGEST_NAME])}: write a name of 1 to {LONGEST_NAME}"
-                    " visible characters without dots"
-                )
+                yield f"""{dotted(section, name[:LONGEST_NAME])}: write a name of 1 to
+                    {LONGEST_NAME} visible characters without dots"""
 
 
 def _stages(s: Scene) -> Iterator[str]:
     """Some are named; every one has its section and the stages it builds on."""
     if "stages" not in s.table:
-        yield (
-            f"stages: missing; name some of {', '.join(STAGES)}, or write stages = [] in a scene"
-            " of parts alone, for correlate and identify"
-        )
+        yield f"""stages: missing; name some of {", ".join(STAGES)}, or write stages = [] in a scene
+            of parts alone, for correlate and identify"""
     for stage, section in SECTIONS.items():
         if stage in s.stages and not getattr(s, section):
             yield f"stages: {stage!r} needs a section [{section}]"
@@ -78,34 +62,6 @@ def _stages(s: Scene) -> Iterator[str]:
             yield f"stages: {stage!r} needs {before!r}"
     if s.micro and s.micro.patch == "mesh" and "equilibrium" not in s.stages:
         yield 'micro.patch = "mesh": needs the stage equilibrium; write a length'
-
-
-def _parts(s: Scene) -> Iterator[str]:
-    """Every part has cells, a possible length, and its material is there."""
-    low, high = s.mesh.extent
-    for name, part in s.parts.items():
-        where = f"parts.{name}"
-        if part.builder is None and part.matrices is None and s.mesh.file is None:
-            yield (
-                f"{where}.builder: missing; use one of {', '.join(BUILDERS)}, or name a mesh.file"
-            )
-        if part.parameters is not None:
-            longest, length = max(part_lengths(part.parameters).items(), key=lambda item: item[1])
-            if not low <= length <= high:
-                yield (
-                    f"{where}.{longest} = {length:.3g} m: the longest length of the part, not"
-                    f" between {low:g} m and {high:g} m; correct the unit, or widen mesh.extent"
-                )
-            for key, share in FINEST.items():
-                size = getattr(part.parameters, key, None)
-                if size is not None and size < share * length:
-                    yield (
-                        f"{where}.{key} = {size:.3g} m: less than {share:g} of the part's {longest}"
-                        f" = {length:.3g} m, more cells than can be made; correct the unit"
-                    )
-        for material in part.materials:
-            if material not in s.materials:
-                yield f"{where}.material = {material!r}: there is no [materials.{material}]"
 
 
 def _motion(s: Scene) -> Iterator[str]:
@@ -128,10 +84,8 @@ def _varied(s: Scene) -> Iterator[str]:
             ways.setdefault(table, set()).add(last[0] == "C")
     for table, kinds in ways.items():
         if len(kinds) > 1:
-            yield (
-                f"samples.random, sweep.parameters: materials.{table} by stiffnesses and by"
-                " engineering constants; use one kind"
-            )
+            yield f"""samples.random, sweep.parameters: materials.{table} by stiffnesses and by
+                engineering constants; use one kind"""
 
 
 def _approaches(s: Scene) -> Iterator[str]:
@@ -143,14 +97,11 @@ def _approaches(s: Scene) -> Iterator[str]:
         if name not in s.samples.approaches:
             continue
         if not s.samples.random:
-            yield (
-                f"samples.approaches: {name!r} needs random inputs; write them in [samples.random]"
-            )
+            yield f"""samples.approaches: {name!r} needs random inputs; write them in
+                [samples.random]"""
         if not many:
             yield f"samples.approaches: {name!r} needs the stage uncertainty"
     for name in MANY if "equilibrium" in s.stages and not many else ():
         if s.table.get("samples", {}).get(name, 1) not in (1, {}):
-            yield (
-                f"samples.{name}: without the stage uncertainty there is one sample; add it to"
-                f" stages, or leave samples.{name} out"
-            )
+            yield f"""samples.{name}: without the stage uncertainty there is one sample; add it to
+                stages, or leave samples.{name} out"""

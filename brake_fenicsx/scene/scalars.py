@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.damping import active_terms, turning_parts, used_materials
-from brake_fenicsx.scene.friction import PERFECT, one_friction, slides
-from brake_fenicsx.scene.parts import (
+from brake_fenicsx.scene.approaches import (
+    PERFECT,
+    active_terms,
+    one_friction,
+    slides,
+    turning_parts,
+    used_materials,
+)
+from brake_fenicsx.scene.parts_section import (
     MORPH,
+    MaterialTable,
     layers_of_thickness,
     length_in_scene,
     length_key,
@@ -18,11 +25,9 @@ from brake_fenicsx.scene.parts import (
     moved_planes,
     moved_sideways,
 )
-from brake_fenicsx.scene.samples import ENGINEERING, is_constant, split_key, unit_of
+from brake_fenicsx.scene.samples_section import ENGINEERING, is_constant, split_key, unit_of
+from brake_fenicsx.scene.scene import Scene
 from brake_fenicsx.scene.units import to_si
-
-if TYPE_CHECKING:
-    from brake_fenicsx.scene.sections import MaterialTable, Scene
 
 # Keys of a random or swept scalar that hold quantities of its unit.
 QUANTITIES = ("mean", "sd", "min", "max", "start", "stop", "values")
@@ -113,7 +118,7 @@ def _no_constant(material: MaterialTable, constant: str) -> Iterator[str]:
     """Why a constant is none of the material."""
     by_stiffness = material.E is None
     if constant[0] == "C":
-        if not by_stiffness or getattr(material, constant) is None:
+        if not by_stiffness or getattr(material, constant, None) is None:
             yield f"the material is not written by {constant}; name an engineering constant"
     elif material.model == "isotropic":
         if constant not in ("E", "nu") or by_stiffness:
@@ -130,11 +135,9 @@ def _no_length(s: Scene, part: str, name: str) -> Iterator[str]:
     elif morph is None and not (
         layers or moved_planes(s.parts[part], name) or moved_sideways(s.parts[part], name)
     ):
-        yield (
-            "is no thickness of a layer of this part, and as the scene is written moves no planes"
-            " of it along z and no edges at right angles; run the scene once for each value, with"
-            f" --set parts.{part}.{name}=VALUE"
-        )
+        yield f"""is no thickness of a layer of this part, and as the scene is written moves no
+            planes of it along z and no edges at right angles; run the scene once for each value,
+            with --set parts.{part}.{name}=VALUE"""
     if s.damping and s.damping.modal:
         yield "stability.damping.modal is of bodies of one shape; name rayleigh or loss instead"
     if layers and part in turning_parts(s) and s.motion and any(s.motion.turns_about[:2]):
@@ -145,22 +148,17 @@ def _idle(s: Scene, name: str) -> Iterator[str]:
     """What a scalar acts on and the scene does not name, and the remedy."""
     section, table, last = split_key(name)
     if name == "motion.speed" and not _speed_acts(s):
-        yield (
-            "nothing depends on the speed; name sliding, slope or gyroscopic in stability.damping,"
-            " or write contact.NAME.friction = { static = .., kinetic = .., decay = .. }"
-        )
+        yield """nothing depends on the speed; name sliding, slope or gyroscopic in
+            stability.damping, or write contact.NAME.friction = { static = .., kinetic = .., decay =
+            .. }"""
     if section == "contact" and not slides(s, table):
-        yield (
-            "the interface is stuck, and its friction moves no mode: it is a limit that is listed;"
-            ' leave it out, or write slip = "motion"'
-        )
+        yield """the interface is stuck, and its friction moves no mode: it is a limit that is
+            listed; leave it out, or write slip = "motion" """
     if section == "materials" and last != "loss" and table not in used_materials(s):
         yield "no part is made of the material; leave it out"
     if last == "loss" and not (s.damping and s.damping.loss and table in used_materials(s)):
-        yield (
-            'needs stability.damping = { loss = true, omega_ref = "2 kHz" } and a part of the'
-            " material"
-        )
+        yield """needs stability.damping = { loss = true, omega_ref = "2 kHz" } and a part of the
+            material"""
     if is_inertia(name) and s.damping and s.damping.modal:
         yield "stability.damping.modal is of bodies of one mass; name rayleigh or loss instead"
     if section == "masses" and s.parts[table.partition(".")[0]].matrices:

@@ -88,9 +88,8 @@ def _quantity(value: str, unit: str) -> float:
     import pint
 
     if "," in value:
-        raise ValueError(
-            'a comma in a quantity; write the decimal point, "2.5 bar", and no other separator'
-        )
+        raise ValueError("""a comma in a quantity; write the decimal point, "2.5 bar", and no other
+            separator""")
     if re.match(r"\s*(?!nan\b|inf)[A-Za-z]", value):  # "GPa" would be 1 GPa
         raise ValueError(f"not a quantity, write {DIMENSIONS[unit]}")
     try:
@@ -102,10 +101,8 @@ def _quantity(value: str, unit: str) -> float:
         except ValueError:
             pass
         else:
-            raise ValueError(
-                f"no unit; write a {DIMENSIONS[unit].partition(' [')[0]} with its unit, such as"
-                f" '{value.strip()} {usual_unit(unit)}'"
-            ) from None
+            raise ValueError(f"""no unit; write a {DIMENSIONS[unit].partition(" [")[0]} with its
+                unit, such as '{value.strip()} {usual_unit(unit)}'""") from None
         raise ValueError(f"wrong unit; a {DIMENSIONS[unit]} is needed") from None
     except OverflowError:
         raise

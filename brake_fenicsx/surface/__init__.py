@@ -4,15 +4,15 @@ from brake_fenicsx.surface.bootstrap import resampled
 from brake_fenicsx.surface.hdf import HeightDistribution, match_moments
 from brake_fenicsx.surface.psd import RadialPsd, radial_psd
 from brake_fenicsx.surface.readers import read_topography
+from brake_fenicsx.surface.record import SurfaceStatistics
 from brake_fenicsx.surface.spectrum import BiFractal, fit_bifractal
 from brake_fenicsx.surface.statistics import (
-    SurfaceStatistics,
     averaged,
     characterise,
     given_statistics,
 )
-from brake_fenicsx.surface.synthesis import SynthesisRecord, synthesise
-from brake_fenicsx.surface.topography import Topography, make_topography
+from brake_fenicsx.surface.synthesis import synthesise
+from brake_fenicsx.surface.topography import SynthesisRecord, Topography, make_topography
 
 __all__ = [
     "BiFractal", "HeightDistribution", "RadialPsd", "SurfaceStatistics", "SynthesisRecord",

@@ -16,7 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface.statistics import SurfaceStatistics, averaged, characterise
+from brake_fenicsx.surface.record import SurfaceStatistics
+from brake_fenicsx.surface.statistics import averaged, characterise
 from brake_fenicsx.surface.synthesis import synthesise
 from brake_fenicsx.surface.topography import Topography
 

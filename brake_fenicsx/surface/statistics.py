@@ -3,118 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from brake_fenicsx.arguments import one_of
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface.doubts import implausible, of_statistics, where_missing
-from brake_fenicsx.surface.hdf import HeightDistribution, matched, measured, moments, pooled
+from brake_fenicsx.surface.doubts import implausible, where_missing
+from brake_fenicsx.surface.hdf import matched, measured, moments, pooled
 from brake_fenicsx.surface.masked import FEW, without_holes
-from brake_fenicsx.surface.psd import RadialPsd, anisotropy, radial_psd
-from brake_fenicsx.surface.spectrum import BiFractal, fit_bifractal, spectrum_of, variance_on
+from brake_fenicsx.surface.psd import anisotropy, radial_psd
+from brake_fenicsx.surface.record import SurfaceStatistics
+from brake_fenicsx.surface.spectrum import BiFractal, fit_bifractal, spectrum_of
 from brake_fenicsx.surface.topography import Array, Topography, fill, form, outliers
 
 # The paper's scan: 256 pixels over 1.8 mm; the band of statistics that come without a scan.
 DISTRIBUTIONS = ("measured", "johnson", "normal")
 PAPER_BAND = (2.0 * np.pi / 1.8e-3, np.pi * 256 / 1.8e-3)
-
-
-@dataclass(frozen=True, slots=True)
-class SurfaceStatistics:
-    """Statistics of scans, or given by numbers alone (then without heights and PSD).
-
-    Attributes:
-        mean: mean height over the instrument's zero [m].
-        median: median height over the instrument's zero [m].
-        S_q: root-mean-square height about the mean plane [m].
-        S_sk: skewness [-].
-        S_ku: kurtosis, 3 for a normal distribution [-].
-        errors: standard errors of (mean, S_q, S_sk, S_ku), from blocks of the scan, or from the
-            scatter of several scans; nan if given.
-        hdf: distribution new heights are drawn from, zero mean.
-        bifractal: broken power law of the PSD.
-        spectrum: what artificial surfaces are made from: that, or the measured one.
-        psd: radial PSD of the scan, or the mean of several.
-        anisotropy: second angular harmonic of the variance, 0 for an isotropic surface [-].
-        direction: angle of the strongest waves from the x axis [rad].
-        topography: levelled heights, zero mean, outliers and missing points nan; None for several
-            scans, each of which has its own.
-        level: form that was removed.
-        missing: points without a height in the scans.
-        lost: where they are, see ``doubts.where_missing``; where the deepest are missing, heights
-            and spectrum of artificial surfaces are those of the scan with its holes filled.
-        outliers: points masked by the outlier rule.
-        curvature: share of the variance in a second-order form, largest of the scans [-].
-        doubts: what is implausible about the scans as they were read.
-        scans: statistics of each scan, where several are averaged.
-    """
-
-    mean: float
-    median: float
-    S_q: float
-    S_sk: float
-    S_ku: float
-    errors: tuple[float, float, float, float]
-    hdf: HeightDistribution
-    bifractal: BiFractal
-    spectrum: BiFractal
-    psd: RadialPsd | None = None
-    anisotropy: float = np.nan
-    direction: float = np.nan
-    topography: Topography | None = None
-    level: str = "none"
-    missing: int = 0
-    lost: str = "anywhere"
-    outliers: int = 0
-    curvature: float = 0.0
-    doubts: tuple[str, ...] = ()
-    scans: tuple[SurfaceStatistics, ...] = ()
-
-    @property
-    def each(self) -> tuple[SurfaceStatistics, ...]:
-        """Statistics of each scan, also of a single one; none where numbers were given."""
-        return self.scans or ((self,) if self.topography is not None else ())
-
-    @property
-    def topographies(self) -> tuple[Topography, ...]:
-        """Levelled heights of each scan, on one grid; none where numbers were given."""
-        return tuple(s.topography for s in self.each if s.topography is not None)
-
-    @property
-    def pixel(self) -> float:
-        """Half of the shortest wave length of the reliable band [m], which the scan resolves."""
-        return float(np.pi / self.bifractal.band[1])
-
-    @property
-    def variance_ratio(self) -> float:
-        """S_q of artificial surfaces with the sides and pixels of the scan over that of it [-]."""
-        if not self.topographies:
-            return 1.0
-        return float(np.sqrt(variance_on(self.spectrum, self.topographies[0])) / self.S_q)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What is doubtful about the statistics, one line each."""
-        return of_statistics(self)
-
-    @property
-    def heights(self) -> Array:
-        """Levelled valid heights of all scans about their mean planes [m], shape (n,)."""
-        if not self.topographies:
-            raise SurfaceError("these statistics were given by numbers; there is no scan in them")
-        return np.concatenate([t.heights[t.valid] for t in self.topographies])
-
-    def pixels_above(self, height: float, S_q: float) -> int:
-        """How many pixels of the scans carry an artificial surface where it is pressed this far.
-
-        Args:
-            height: separation of the plane from the mean of the artificial surface [m].
-            S_q: root-mean-square height of the artificial surfaces [m].
-        """
-        return int(np.count_nonzero(self.heights * S_q > height * self.hdf.S_q))
 
 
 def characterise(

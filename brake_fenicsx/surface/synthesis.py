@@ -33,7 +33,7 @@ from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.psd import Density, half_plane_weights, wave_numbers, wave_vectors
 from brake_fenicsx.surface.spectrum import LOW, BiFractal
-from brake_fenicsx.surface.topography import Array, Topography
+from brake_fenicsx.surface.topography import Array, SynthesisRecord, Topography
 
 _polynomial: Any = np.polynomial.polynomial
 TERMS = 40  # Hermite polynomials; a Johnson distribution of kurtosis 10 needs about 20
@@ -149,29 +149,6 @@ def _correlation(shares: Array, shape: tuple[int, int]) -> Array:
 def _spectrum(correlation: Array, shape: tuple[int, int]) -> Array:
     """Shares of the variance, the inverse of ``_correlation``."""
     return np.asarray(scipy.fft.rfft2(correlation).real / (shape[0] * shape[1]))
-
-
-@dataclass(frozen=True, slots=True)
-class SynthesisRecord:
-    """What the synthesis reached.
-
-    Attributes:
-        psd_error: rms over the rings of C / C_target - 1 of the family's mean, every ring with its
-            weight in the mean square slope [-].
-        slope_ratio: rms slope of the family over that of the spectrum [-].
-        C0_scale: factor between the given PSD and the one imposed: 1, unless the variance is that
-            of the scan [-].
-        S_q: root-mean-square height of the family [m].
-        low: treatment of the wave numbers below the scan's band.
-        low_share: share of the variance in those wave numbers [-].
-    """
-
-    psd_error: float
-    slope_ratio: float
-    C0_scale: float
-    S_q: float
-    low: str
-    low_share: float
 
 
 def synthesise(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,14 +19,34 @@ from brake_fenicsx.arguments import one_of, positive, real
 from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SurfaceError
 
-if TYPE_CHECKING:
-    from brake_fenicsx.surface.synthesis import SynthesisRecord
-
 Array = NDArray[np.float64]
 
 SAME_PIXEL = 1e-6  # relative difference that the rounding of a file explains
 LEVELS = ("none", "mean", "plane", "second-order")
 OUTLIERS = ("spike", "mad", "none")
+
+
+@dataclass(frozen=True, slots=True)
+class SynthesisRecord:
+    """What the synthesis reached.
+
+    Attributes:
+        psd_error: rms over the rings of C / C_target - 1 of the family's mean, every ring with its
+            weight in the mean square slope [-].
+        slope_ratio: rms slope of the family over that of the spectrum [-].
+        C0_scale: factor between the given PSD and the one imposed: 1, unless the variance is that
+            of the scan [-].
+        S_q: root-mean-square height of the family [m].
+        low: treatment of the wave numbers below the scan's band.
+        low_share: share of the variance in those wave numbers [-].
+    """
+
+    psd_error: float
+    slope_ratio: float
+    C0_scale: float
+    S_q: float
+    low: str
+    low_share: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.samples.ensemble import run_ensemble
 from brake_fenicsx.samples.inputs import PERFECT
 from brake_fenicsx.samples.study import Study
-from brake_fenicsx.scene.samples import ROUGH
+from brake_fenicsx.scene.samples_section import ROUGH
 from brake_fenicsx.scene.units import several
 
 from .branches import CUT, FIRST, Followed, follow

@@ -15,7 +15,7 @@ from brake_fenicsx.macro.braking import equilibrium
 from brake_fenicsx.micro import linear_law
 from brake_fenicsx.pipeline import assemble, run
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.contact import Zone
+from brake_fenicsx.scene.contact_section import Zone
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 FEW = ["mesh.cells=hexahedra", "parts.block.size='7 mm'", "parts.plate.size='14 mm'"]

@@ -59,7 +59,7 @@ def test_displacements_are_those_of_the_modes(changes, stored, tmp_path, monkeyp
     sample = study.sample(task)
     ((X, _),) = displacements(study.models, [(sample, data, chosen)], COMM)
     assert chosen.size == X.shape[1] == 4
-    K = study.sample.brake.K
+    K = sample.brake.K
     K_t = tangent(K, brake.N, brake.T, brake.w, data["k"], data["mu"])
     M = study.brake.M
     for i, x in zip(chosen, X.T, strict=True):

@@ -8,7 +8,7 @@ from brake_fenicsx.results.sensitivity import indices
 from brake_fenicsx.results.statistics import rank_correlation
 from brake_fenicsx.samples.designs import design_points, roughness_of
 from brake_fenicsx.scene import Distribution
-from brake_fenicsx.scene.samples import Plan
+from brake_fenicsx.scene.samples_section import Plan
 
 LAW = Distribution("uniform", min=-np.pi, max=np.pi)
 # Closed forms for a = 7, b = 0.1: D = a^2/8 + b pi^4/5 + b^2 pi^8/18 + 1/2.

@@ -10,7 +10,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.samples.designs import correlation_root
 from brake_fenicsx.samples.inputs import draw_inputs, points_of
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.samples import Distribution
+from brake_fenicsx.scene.samples_section import Distribution
 
 SCENE = Path(__file__).parents[2] / "scripts" / "scenes" / "squealing_block.toml"
 C33, C44 = (f"materials.lining.{name}" for name in ("C33", "C44"))

@@ -16,7 +16,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.damping import active_terms
+from brake_fenicsx.scene.approaches import active_terms
 from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.operators import tangent

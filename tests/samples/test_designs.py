@@ -10,7 +10,7 @@ from brake_fenicsx.build.distributions import quantile
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.samples.designs import design_points, design_size, roughness_of
 from brake_fenicsx.scene import Distribution
-from brake_fenicsx.scene.samples import Plan
+from brake_fenicsx.scene.samples_section import Plan
 
 SEED = np.random.SeedSequence(5)
 

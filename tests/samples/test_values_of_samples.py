@@ -16,7 +16,7 @@ from brake_fenicsx import model
 from brake_fenicsx.build.values import Values
 from brake_fenicsx.samples.inputs import law_factor
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.samples import unit_of
+from brake_fenicsx.scene.samples_section import unit_of
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 E, NU, G = [6e9, 5e9, 2.3e9], [0.2, 0.35, 0.3], [1.2e9, 1.1e9, 2.4e9]

@@ -14,7 +14,7 @@ from scipy.sparse.linalg import eigsh
 from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.extras.decks.superelement import read_superelement
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.parts import Matrices
+from brake_fenicsx.scene.parts_section import Matrices
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 

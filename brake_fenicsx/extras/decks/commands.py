@@ -9,7 +9,6 @@ from brake_fenicsx.commands import argument, command
 
 
 @command(
-    "write a first scene of a mesh file: parts, faces, materials, contact, supports, loads",
     argument("deck", metavar="MESH", complete="file",
              help="mesh file: .inp, .cdb, .bdf, .msh, ..."),
     argument("-o", dest="scene", metavar="SCENE.toml", complete="file",
@@ -19,7 +18,7 @@ from brake_fenicsx.commands import argument, command
     argument("--shells", choices=["solid"], help="make solids of the shells of a deck"),
 )  # fmt: skip
 def init(options: Any, comm: Any) -> str | None:
-    """Write a first scene."""
+    """Write a first scene of a mesh file: parts, faces, materials, contact, supports, loads."""
     from .draft.text import write_scene  # starts PETSc on all processes
 
     if comm.rank > 0:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.parts import Matrices
+from brake_fenicsx.scene.parts_section import Matrices
 from brake_fenicsx.scene.units import to_si
 
 from .matrix_files import Label, read_matrix, read_row_labels

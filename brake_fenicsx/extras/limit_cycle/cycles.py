@@ -17,7 +17,7 @@ from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.samples.models import Models
 from brake_fenicsx.samples.sampling import friction_law
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.friction import PERFECT
+from brake_fenicsx.scene.approaches import PERFECT
 from brake_fenicsx.stability.modes import Modes
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.tables import key
+from brake_fenicsx.scene.keys import key
 
 
 @dataclass(frozen=True, slots=True)

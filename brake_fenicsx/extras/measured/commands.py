@@ -12,14 +12,13 @@ SUPPORTED = argument("--supported", action="store_true", help="with the supports
 
 
 @command(
-    "compare the modes of a part of a scene with those of a modal test: frequencies and MAC",
     SCENE, SET, ALLOW,
     argument("test", metavar="TEST.unv", complete="file",
              help="universal file: nodes and modes (55)"),
     PART, SUPPORTED, folder_of("correlation"),
 )  # fmt: skip
 def correlate(options: Any, comm: Any) -> str:
-    """Compare a part with its test."""
+    """Compare the modes of a part of a scene with those of a modal test: frequencies and MAC."""
     from .study import correlate as compared
 
     given = options.scene, options.test, options.part, options.supported
@@ -27,7 +26,6 @@ def correlate(options: Any, comm: Any) -> str:
 
 
 @command(
-    "identify the constants of a part's material from the frequencies of its resonances",
     SCENE, SET, ALLOW,
     argument("--peaks", required=True, metavar="PEAKS.csv", help="table with the column"
              " frequency_hz or frequency_khz, and q, specimen if there are any; or a universal file"
@@ -40,7 +38,7 @@ def correlate(options: Any, comm: Any) -> str:
     PART, SUPPORTED, folder_of("identified"),
 )  # fmt: skip
 def identify(options: Any, comm: Any) -> str:
-    """Identify constants of a material."""
+    """Identify the constants of a part's material from the frequencies of its resonances."""
     from .identify import identify as identified
 
     return identified(
@@ -50,12 +48,9 @@ def identify(options: Any, comm: Any) -> str:
     )  # fmt: skip
 
 
-@command(
-    "write the stored mode shapes of a results folder as a universal file, modes.unv",
-    DIRECTORY, alone=True,
-)  # fmt: skip
+@command(DIRECTORY, alone=True)
 def export(options: Any, comm: Any) -> str:
-    """Write the modes of a run."""
+    """Write the stored mode shapes of a results folder as a universal file, modes.unv."""
     from .universal import export_modes
 
     return f"wrote {export_modes(options.directory)}"

@@ -13,25 +13,21 @@ an interrupted search. docs/countermeasures.md says what is searched and how."""
 
 
 @command(
-    "run a scene and its refinements: how much each changes the probability of squeal",
     SCENE, SET, ALLOW, folder_of("budget"), CACHE,
     argument("--minutes", type=float, metavar="T",
              help="run only the refinements that fit in this time"),
 )  # fmt: skip
 def budget(options: Any, comm: Any) -> str:
-    """Write the error budget of a scene."""
+    """Run a scene and its refinements: how much each changes the probability of squeal."""
     from .budget import run_budget
 
     given = options.scene, comm, options.directory, options.set, options.cache, options.minutes
     return f"open {run_budget(*given)}"
 
 
-@command(
-    "find the smallest change of each of the scene's countermeasures that stops the squeal",
-    SCENE, SET, ALLOW, folder_of("countermeasures"), CACHE, epilog=AFTER_COUNTERMEASURES,
-)  # fmt: skip
+@command(SCENE, SET, ALLOW, folder_of("countermeasures"), CACHE, epilog=AFTER_COUNTERMEASURES)
 def countermeasures(options: Any, comm: Any) -> str | None:
-    """Find what stops the squeal."""
+    """Find the smallest change of each of the scene's countermeasures that stops the squeal."""
     from .countermeasures import find_countermeasures
 
     given = options.scene, comm, options.directory, options.set, options.cache
@@ -42,7 +38,6 @@ def countermeasures(options: Any, comm: Any) -> str | None:
 
 
 @command(
-    "compare two runs: families, change of probability; or two surfaces and their laws",
     argument("first", metavar="A", complete="folder", help="results folder of a run"),
     argument("second", metavar="B", complete="folder", help="results folder of another run"),
     argument("-o", dest="directory", metavar="DIR", default=".", complete="folder",
@@ -50,7 +45,7 @@ def countermeasures(options: Any, comm: Any) -> str | None:
     alone=True,
 )  # fmt: skip
 def compare(options: Any, comm: Any) -> str:
-    """Compare two runs."""
+    """Compare two runs: families, change of probability; or two surfaces and their laws."""
     from .comparison import comparison_text, write_comparison
 
     page = write_comparison(options.first, options.second, options.directory)

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.samples import NO_ROUGH_SAMPLES, is_constant, split_key
+from brake_fenicsx.scene.keys import KeyMistake, dotted, key_parts
+from brake_fenicsx.scene.keys import key as scene_key
+from brake_fenicsx.scene.samples_section import NO_ROUGH_SAMPLES, is_constant, split_key
 from brake_fenicsx.scene.scalars import check_scalar, si_unit, written_value
-from brake_fenicsx.scene.tables import KeyMistake, dotted, key_parts
-from brake_fenicsx.scene.tables import key as scene_key
 
 if TYPE_CHECKING:
-    from brake_fenicsx.scene.sections import Scene
+    from brake_fenicsx.scene.scene import Scene
 
 RAYLEIGH = ["stability", "damping", "rayleigh"]
 

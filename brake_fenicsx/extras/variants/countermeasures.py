@@ -32,7 +32,7 @@ from brake_fenicsx.results.tables import Value
 from brake_fenicsx.samples.inputs import check_values, law_factor, law_material, scaled_interfaces
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import result_digest
-from brake_fenicsx.scene.samples import ROUGH, is_constant, split_key
+from brake_fenicsx.scene.samples_section import ROUGH, is_constant, split_key
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.units import quantity_text
 

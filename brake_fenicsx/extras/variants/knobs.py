@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 from brake_fenicsx.checks import MIN_PIXELS
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.sections import NEWTON
-from brake_fenicsx.scene.surface import MAX_PIXELS
-from brake_fenicsx.scene.tables import dotted
+from brake_fenicsx.scene.keys import dotted
+from brake_fenicsx.scene.stability_section import NEWTON
+from brake_fenicsx.scene.surface_section import MAX_PIXELS
 
 RESOLUTION, CHOICE = "resolution", "choice"
 MESH, FINER = 1.25, 2.0

@@ -21,7 +21,7 @@ from brake_fenicsx.extras.decks.superelement import doubts, read_superelement
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.parts import Matrices
+from brake_fenicsx.scene.parts_section import Matrices
 from run_tables import read_columns
 
 BLOCK = Path(__file__).parents[3] / "scripts" / "scenes" / "block_on_plate.toml"

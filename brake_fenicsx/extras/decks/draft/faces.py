@@ -23,7 +23,7 @@ from brake_fenicsx.extras.decks.abaqus_scope import find
 from brake_fenicsx.meshing.filemesh import FileMesh
 from brake_fenicsx.meshing.groups import layers_of
 from brake_fenicsx.meshing.rawmesh import RawMesh, cell_facets, facet_keys
-from brake_fenicsx.scene.tables import dotted
+from brake_fenicsx.scene.keys import dotted
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

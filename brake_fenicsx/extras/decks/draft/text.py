@@ -17,7 +17,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import find
 from brake_fenicsx.meshing.filemesh import NO_CELLS, DeckKeyword, FileMesh
 from brake_fenicsx.meshing.meshfile import read_mesh_file
-from brake_fenicsx.scene.tables import dotted
+from brake_fenicsx.scene.keys import dotted
 from brake_fenicsx.scene.units import several
 
 from .deck import read_deck

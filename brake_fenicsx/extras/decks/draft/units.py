@@ -10,7 +10,7 @@ import numpy as np
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.filemesh import FileMesh
-from brake_fenicsx.scene.tables import dotted
+from brake_fenicsx.scene.keys import dotted
 from brake_fenicsx.scene.units import MODULI, factor_to_si, quantity_text
 
 from .statements import Deck, Quantity

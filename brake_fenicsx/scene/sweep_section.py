@@ -6,19 +6,15 @@ brake and on its rough samples. A sweep changes no result of the samples themsel
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BeforeValidator
 
-from brake_fenicsx.scene.samples import NO_ROUGH_SAMPLES, below_least, in_si_units
-from brake_fenicsx.scene.tables import dotted, key, value_type
-
-if TYPE_CHECKING:
-    from brake_fenicsx.scene.sections import Scene
+from brake_fenicsx.scene.keys import key, value_type
+from brake_fenicsx.scene.samples_section import in_si_units
 
 MAX_STEPS = 100_000
 
@@ -78,43 +74,3 @@ class Sweep:
 def _ranges_type() -> Any:
     convert = partial(in_si_units, names=("start", "stop", "values"))
     return Annotated[value_type(dict[str, Range], {}), BeforeValidator(convert)]
-
-
-def sweep_mistakes(s: Scene) -> Iterator[str]:
-    """A sweep that has no values, nothing to follow, or samples it cannot follow."""
-    sweep = s.sweep
-    if sweep is None:
-        return
-    if "stability" not in s.stages:
-        yield "sweep: follows complex modes; add the stage stability to stages"
-    if not 1 <= len(sweep.parameters) <= 2:
-        yield (
-            f"sweep.parameters: {len(sweep.parameters)} keys; name one or two, such as"
-            ' "contact.NAME.friction" = { start = 0.0, stop = 0.8, steps = 41 }'
-        )
-    for name, values in sweep.parameters.items():
-        for text in _range_mistakes(name, values):
-            yield f"{dotted('sweep', 'parameters', name)}: {text}"
-    written = f"sweep.samples = {sweep.samples}"
-    if sweep.samples and sweep.second:
-        yield (
-            f"{written}: samples are followed over one parameter; leave"
-            f" {dotted('sweep', 'parameters', sweep.second)} or sweep.samples out"
-        )
-    if sweep.samples and not s.samples.rough:
-        yield f"{written}: {NO_ROUGH_SAMPLES}"
-    if sweep.samples and "uncertainty" not in s.stages:
-        yield f"{written}: needs the stage uncertainty; add it to stages"
-
-
-def _range_mistakes(name: str, values: Range) -> Iterator[str]:
-    """Not two values or more, in order, and possible ones."""
-    ends = values.start is not None, values.stop is not None
-    if any(ends) == bool(values.values) or ends[0] != ends[1]:
-        yield "write start, stop and steps, or values"
-    x = np.array(values.points)
-    step = np.diff(x)
-    if x.size < 2 or not (np.all(step > 0) or np.all(step < 0)):
-        yield "two values or more are needed, rising or falling"
-    if x.size and (wanted := below_least(name, float(x.min()))):
-        yield f"{x.min():g}: {wanted}"

@@ -6,20 +6,16 @@ import csv
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
-from brake_fenicsx.scene.tables import key, shown
+from brake_fenicsx.scene.keys import key, shown
 from brake_fenicsx.scene.units import factor_to_si, usual_unit, with_unit
-
-if TYPE_CHECKING:
-    from brake_fenicsx.scene.sections import Scene
 
 Array = NDArray[np.float64]
 
@@ -154,38 +150,11 @@ class ContactTable:
         """Faces slide or stick."""
         k_t = self.tangential_stiffness
         if self.slip == "stuck" and k_t is None:
-            yield (
-                '.slip = "stuck": needs tangential_stiffness, that of the faces along each other,'
-                ' such as tangential_stiffness = "1e13 Pa/m"'
-            )
+            yield """.slip = "stuck": needs tangential_stiffness, that of the faces along each
+                other, such as tangential_stiffness = "1e13 Pa/m" """
         if self.slip == "motion" and k_t is not None:
-            yield (
-                f".tangential_stiffness = {k_t:g} Pa/m: acts where faces stick; write"
-                ' slip = "stuck" as well, or leave it out'
-            )
-
-
-def contact_mistakes(s: Scene) -> Iterator[str]:
-    """Laws and gaps that no stage provides; interfaces that divide the same faces differently."""
-    for name, contact in s.contact.items():
-        where = f"contact.{name}"
-        if contact.law == "library" and "micro" not in s.stages and s.samples.rough:
-            yield f'{where}.law = "library": needs the stages surface and micro'
-        if contact.gap != "none" and "surface" not in s.stages:
-            yield f'{where}.gap = "{contact.gap}": needs the stage surface'
-        if contact.gap == "waviness" and s.micro is None:
-            yield (
-                f'{where}.gap = "waviness": needs micro.patch, the length from which waves are'
-                " longer"
-            )
-    for (one, first), (two, second) in combinations(s.contact.items(), 2):
-        for name in ("faces", "discretisation") if {*first.faces} == {*second.faces} else ():
-            values = getattr(first, name), getattr(second, name)
-            if values[0] != values[1]:
-                yield (
-                    f"contact.{two}.{name} = {shown(values[1])}: contact.{one} is on the same faces"
-                    f" with {shown(values[0])}; write the same, for the two divide its elements"
-                )
+            yield f""".tangential_stiffness = {k_t:g} Pa/m: acts where faces stick; write slip =
+                "stuck" as well, or leave it out"""
 
 
 def with_table(contact: ContactTable, name: str, folder: Path) -> ContactTable:
@@ -211,17 +180,13 @@ def with_table(contact: ContactTable, name: str, folder: Path) -> ContactTable:
     if d.size < MIN_ROWS:
         raise SceneError(f"{at}: {d.size} rows; a law needs {MIN_ROWS} or more")
     if p[0] <= 0.0:
-        raise SceneError(
-            f"{at}: {p[0]:g} Pa at the gap {d[0]:g} m; leave out rows without pressure: the law"
-            " falls to zero beyond the widest gap by itself"
-        )
+        raise SceneError(f"""{at}: {p[0]:g} Pa at the gap {d[0]:g} m; leave out rows without
+            pressure: the law falls to zero beyond the widest gap by itself""")
     wrong = np.flatnonzero((np.diff(d) >= 0.0) | (np.diff(p) <= 0.0))
     if wrong.size:
         i = int(wrong[0])
-        raise SceneError(
-            f"{at}: {p[i + 1]:g} Pa at the gap {d[i + 1]:g} m and {p[i]:g} Pa at {d[i]:g} m; the"
-            " pressure must rise as the gap falls: smooth the measured values"
-        )
+        raise SceneError(f"""{at}: {p[i + 1]:g} Pa at the gap {d[i + 1]:g} m and {p[i]:g} Pa at
+            {d[i]:g} m; the pressure must rise as the gap falls: smooth the measured values""")
     return replace(contact, law=replace(law, steps=(tuple(d.tolist()), tuple(p.tolist()))))
 
 
@@ -241,13 +206,11 @@ def _columns(path: Path, at: str) -> np.ndarray:
             if not rows and not heading:
                 heading = True
                 continue
-            raise SceneError(
-                f"{at}: line {number}: {line.strip()!r} does not contain two numbers; write a"
-                " gap and a pressure with decimal points, separated by a blank or a comma"
-            ) from None
+            raise SceneError(f"""{at}: line {number}: {line.strip()!r} does not contain two numbers;
+                write a gap and a pressure with decimal points, separated by a blank or a
+                comma""") from None
         if len(values) != 2 or not np.isfinite(values).all():
-            raise SceneError(
-                f"{at}: line {number}: {line.strip()!r}; write a gap and a pressure on each line"
-            )
+            raise SceneError(f"""{at}: line {number}: {line.strip()!r}; write a gap and a pressure
+                on each line""")
         rows.append(values)
     return np.array(rows, float).reshape(-1, 2).T

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, StrictStr, WithJsonSchema
 
-from brake_fenicsx.scene.tables import key, rising_pair
+from brake_fenicsx.scene.keys import key, rising_pair
 
 
 def _dotted(name: str) -> str:
@@ -85,10 +85,8 @@ class MeshTable:
         if self.degree == 1 and self.order == 2:
             yield ".order = 2: needs mesh.degree = 2, displacements of second order"
         if self.degree == 2 and self.mass == "lumped":
-            yield (
-                '.mass = "lumped": corners of quadratic elements would have no or negative mass;'
-                " write mesh.degree = 1 as well"
-            )
+            yield """.mass = "lumped": corners of quadratic elements would have no or negative mass;
+                write mesh.degree = 1 as well"""
         for name in ("unit", "groups", "split") if self.file is None else ():
             if getattr(self, name):
                 yield f".{name}: needs mesh.file, the file that it is about"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from brake_fenicsx.scene.tables import key
+from brake_fenicsx.scene.keys import key
 
 # Names -> "module:attribute", or a table with it under ``use`` beside arguments.
 NAMES = {"type": lambda: dict[str, str | dict[str, Any]]}

@@ -14,9 +14,10 @@ import re
 import tomllib
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, Field, field, fields, is_dataclass
 from functools import cache, partial
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, NotRequired, Required
 
 from annotated_types import Ge, Gt, Le
@@ -73,8 +74,12 @@ class KeyMistake(ValueError):
         self.keys = keys
 
 
-class Contradiction(ValueError):
-    """What contradicts itself in a table; the text continues the dotted key of the table."""
+class UnknownKey(KeyMistake):
+    """A key that a table does not have, and those that it may have."""
+
+    def __init__(self, name: str, names: tuple[str, ...]):
+        super().__init__("unknown key", name)
+        self.names = names
 
 
 def key(unit: str = "", default: Any = MISSING, **metadata: Any) -> Any:
@@ -123,9 +128,49 @@ def read_table(cls: Any, table: Any) -> Any:
     try:
         return _adapter(cls).validate_python(table)
     except ValidationError as error:
-        # What cannot be read comes before what contradicts itself.
-        first = min(error.errors(), key=lambda e: isinstance(_cause(e), Contradiction))
-        raise SceneError(_line(first, table)) from None
+        raise SceneError(_line(error.errors()[0], table, cls)) from None
+
+
+def walk(
+    value: Any, keys: tuple[str, ...] = (), about: Mapping[str, Any] = MappingProxyType({})
+) -> Iterator[tuple[tuple[str, ...], Mapping[str, Any], Any]]:
+    """All values of a table at any depth, each after what is in it.
+
+    Args:
+        value: the dataclass of a table, or a value in it.
+        keys: that lead to it.
+        about: metadata of its field.
+
+    Yields:
+        Keys, metadata and value.
+    """
+    inside: list[tuple[str, Any, Any]] = []
+    if isinstance(value, dict):
+        inside = [(str(name), inner, {}) for name, inner in value.items()]
+    elif is_dataclass(value):
+        inside = [(f.name, getattr(value, f.name), f.metadata) for f in fields(value)]
+    for name, inner, its in inside:
+        if not its.get("internal"):
+            yield from walk(inner, (*keys, name), its)
+    yield keys, about, value
+
+
+def contradictions(table: Any) -> Iterator[str]:
+    """Values that break the rule of their key, and keys that contradict those beside them.
+
+    Args:
+        table: the dataclass of a table; those in it that have a method ``contradictions`` give
+            texts that continue their key.
+    """
+    for keys, about, value in walk(table):
+        if "rule" in about and value is not None:
+            (holds, remedy), unit = about["rule"], about["unit"]
+            if not holds(value):
+                plain = [*value] if isinstance(value, tuple) else value
+                text = f"{value:g}" if isinstance(value, float) else shown(plain)
+                yield f"{dotted(*keys)} = {text}{unit and ' '}{unit}: {remedy}"
+        for text in getattr(value, "contradictions", tuple)():
+            yield dotted(*keys) + text
 
 
 def json_schema(cls: Any) -> dict[str, Any]:
@@ -203,8 +248,7 @@ def table_type(make: Callable[..., Any], *sources: Any, **more: Any) -> Any:
     """Type of a table with the keys of some dataclasses: what pydantic reads.
 
     Args:
-        make: gets what the table holds by name; what it gives may have a method
-            ``contradictions``, whose texts continue the key of the table.
+        make: gets what the table holds by name.
         sources: the dataclasses.
         more: types of single keys, which the table then must have; None: which it may not.
     """
@@ -214,8 +258,6 @@ def table_type(make: Callable[..., Any], *sources: Any, **more: Any) -> Any:
             kind = more[f.name] if f.name in more else value_type(hint, f.metadata)
             if kind is None:
                 continue
-            if "rule" in f.metadata:
-                kind = Annotated[kind, AfterValidator(partial(_kept, about=f.metadata))]
             default = partial(_add_default, f=f)
             about = Key(description=meanings(cls).get(f.name), json_schema_extra=default)
             needed = f.default is f.default_factory is MISSING or f.name in more
@@ -225,7 +267,7 @@ def table_type(make: Callable[..., Any], *sources: Any, **more: Any) -> Any:
     table = named(sources[-1].__name__, held)
     table.__pydantic_config__ = ConfigDict(extra="forbid")
     known = BeforeValidator(partial(_known, names=tuple(held)))
-    return Annotated[table, known, AfterValidator(partial(_made, make=make))]
+    return Annotated[table, known, AfterValidator(lambda values: make(**values))]
 
 
 def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
@@ -288,47 +330,27 @@ def _table(cls: Any) -> Any:
     return table_type(cls, cls)
 
 
-def _kept(value: Any, about: Mapping[str, Any]) -> Any:
-    """Refuse a value that breaks the rule of its key."""
-    (holds, remedy), unit = about["rule"], about["unit"]
-    if not holds(value):
-        plain: Any = [*value] if isinstance(value, tuple) else value
-        text = f"{value:g}" if isinstance(value, float) else shown(plain)
-        raise Contradiction(f" = {text}{unit and ' '}{unit}: {remedy}")
-    return value
-
-
-def _made(values: dict[str, Any], make: Callable[..., Any]) -> Any:
-    made = make(**values)
-    for text in made.contradictions() if hasattr(made, "contradictions") else ():
-        raise Contradiction(text)
-    return made
-
-
 def _known(table: Any, names: tuple[str, ...]) -> Any:
-    """Refuse unknown keys, with the nearest known one."""
+    """Refuse unknown keys."""
     for name in table if isinstance(table, dict) else ():
         if name not in names:
-            gone = f"; version 0.2 had it: {GONE[name]}" if name in GONE else ""
-            known = f"; known: {', '.join(sorted(names))}"
-            if extra := absent(name):
-                raise KeyMistake(extra, name)
-            hint = gone or _elsewhere(name) or _similar(name, names) or known
-            raise KeyMistake(f"unknown key{hint}", name)
+            raise UnknownKey(name, names)
     return table
 
 
-def _elsewhere(name: str) -> str:
-    """The sections that have this key, if it is a key of others."""
-    from .sections import scene_type
-
+def _hint(name: str, names: tuple[str, ...], root: Any) -> str:
+    """What an unknown key may stand for: a key that is gone, of another section, or like it."""
+    if name in GONE:
+        return f"; version 0.2 had it: {GONE[name]}"
     homes = [
-        f"[{section}.NAME]" if typing.get_origin(hint) is dict else f"[{section}]"
-        for section, hint in typing.get_type_hints(scene_type()).items()
+        f"[{f.name}.NAME]" if typing.get_origin(hint) is dict else f"[{f.name}]"
+        for f, hint in keys_of(root)
         for cls in (hint, *typing.get_args(hint))
         if is_dataclass(cls) and name in cls.__dataclass_fields__
     ]
-    return f"; {name} belongs to {' or '.join(homes)}" if homes else ""
+    if homes:
+        return f"; {name} belongs to {' or '.join(homes)}"
+    return _similar(name, names) or f"; known: {', '.join(sorted(names))}"
 
 
 def _one_of(value: Any, choices: tuple[Any, ...]) -> Any:
@@ -365,19 +387,15 @@ def _member(value: Any, kinds: tuple[Any, ...], unit: str) -> str | None:
     return None
 
 
-def _cause(error: Any) -> Any:
-    return error.get("ctx", {}).get("error")
-
-
-def _line(error: Any, table: Any) -> str:
-    """Key, value and remedy of a mistake that pydantic found."""
-    cause = _cause(error)
+def _line(error: Any, table: Any, root: Any) -> str:
+    """Key, value and remedy of a mistake that pydantic found in the table of a dataclass."""
+    cause = error.get("ctx", {}).get("error")
     # Members of a union and places in a list are no keys.
     keys = [k for k in error["loc"] if isinstance(k, str) and not re.fullmatch(r"\(.*\)", k)]
-    if isinstance(cause, Contradiction):
-        return f"{dotted(*keys)}{cause}"
     keys += getattr(cause, "keys", ())
     text = str(cause) if cause else TEXTS.get(error["type"], error["msg"])
+    if isinstance(cause, UnknownKey):
+        text = absent(keys[-1]) or text + _hint(keys[-1], cause.names, root)
     if error["type"] == "less_than_equal":
         text += f", {error['ctx']['le']} at most"
     if keys == ["stability", "threshold"] and error["type"] == "greater_than_equal":

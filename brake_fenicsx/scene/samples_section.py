@@ -39,7 +39,7 @@ from pydantic import BeforeValidator
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import npz_names, read_npz, reading
-from brake_fenicsx.scene.tables import KeyMistake, below, key, value_type
+from brake_fenicsx.scene.keys import KeyMistake, below, key, value_type
 from brake_fenicsx.scene.units import factor_to_si, to_si
 
 APPROACHES = ("multi-scale", "classical", "parametric", "joint")
@@ -321,11 +321,9 @@ def complete(d: Distribution, name: str, folder: Path) -> Distribution:
             raise SceneError(f"{where}.{key_} = {value:g}: {text}")
     wrong = [v for v in d.values if d.min <= v <= d.max and below_least(name, v)]
     if wrong:
-        raise SceneError(
-            f"{where}.values: {len(wrong)} of {len(d.values)} measured values"
-            f" {below_least(name, min(wrong))}, the least is {min(wrong):g}; correct them, or write"
-            " min, which leaves them out"
-        )
+        raise SceneError(f"""{where}.values: {len(wrong)} of {len(d.values)} measured values
+            {below_least(name, min(wrong))}, the least is {min(wrong):g}; correct them, or write
+            min, which leaves them out""")
     return d
 
 

@@ -1,17 +1,16 @@
-"""What acts on faces and nodes of a scene: supports, loads, ties, springs and added masses."""
+"""What acts on the bodies of a scene: supports, loads, ties, springs, added masses, motion."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, WithJsonSchema
 
-from brake_fenicsx.scene.tables import key, two_names, vector
-
-if TYPE_CHECKING:
-    from brake_fenicsx.scene.sections import Scene
+from brake_fenicsx.scene.keys import key, shown, two_names, vector
+from brake_fenicsx.scene.units import to_si
 
 DIRECTIONS = ("x", "y", "z")
 TWO_FACES = (two_names, "write two faces")
@@ -112,10 +111,8 @@ class Spring:
         if all(getattr(self, kind) is None for kind in kinds):
             yield f": neither stiffness nor damping; write {', '.join(kinds)}"
         if self.faces is not None and self.stiffness_per_area is not None:
-            yield (
-                ".stiffness_per_area: is for a face and the ground; write the total of the two"
-                " faces as stiffness, or a tie with its stiffness"
-            )
+            yield """.stiffness_per_area: is for a face and the ground; write the total of the two
+                faces as stiffness, or a tie with its stiffness"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,66 +131,56 @@ class AddedMass:
     )
 
 
-def faces_by_area(s: Scene, part: str) -> dict[str, str]:
-    """Faces of a part whose area or shape matters: key of the scene -> "part.face"."""
-    found = {f"contact.{n}.faces": c.faces for n, c in s.contact.items()}
-    found |= {f"ties.{n}.faces": tie.faces for n, tie in s.ties.items()}
-    found |= {f"springs.{n}": spring.faces or (n,) for n, spring in s.springs.items()}
-    found |= {f'loads."{face}"': (face,) for face in s.loads}
-    found |= {f'masses."{face}"': (face,) for face in s.masses}
-    return {
-        key: face
-        for key, faces in found.items()
-        for face in faces
-        if face.partition(".")[0] == part
-    }
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """[motion]: rotation about an axis, or a direction.
 
+    Attributes:
+        axis: axis of the disc's rotation, "z" if neither it nor a direction is given; or its
+            direction, as ``[0, 1, 1]``.
+        point: a point of the axis [m]; the origin if not given.
+        direction: direction in which the second body slides, in place of ``axis``.
+        speed: angular speed about the axis, 1 rad/s if not given, or speed along the direction,
+            1 m/s if not given.
+    """
 
-def face_mistakes(s: Scene) -> Iterator[str]:
-    """Ties of faces in contact, masses of turning parts, and loads that their face cannot take."""
-    touching = {face: name for name, contact in s.contact.items() for face in contact.faces}
-    for name, tie in s.ties.items():
-        for face in tie.faces:
-            if face in touching:
-                yield (
-                    f"ties.{name}.faces: {face!r} is in contact.{touching[face]} as well, whose"
-                    " faces the tie would glue; leave one out, or divide the face"
-                )
-    if s.masses and s.damping and s.damping.gyroscopic:
-        yield (
-            f"masses: {', '.join(s.masses)}: stability.damping.gyroscopic knows the density of the"
-            " bodies alone; leave the masses or gyroscopic out"
-        )
-    for face, load in s.loads.items():
-        where = f'loads."{face}"'
-        if load.displacement is not None:
-            yield from _displacement(s, face, load.displacement)
-        part = s.parts.get(face.partition(".")[0])
-        both = getattr(getattr(part, "parameters", None), "side", None) == "both"
-        if both and (load.force or load.moment):
-            yield (
-                f"{where}: the face lies on both sides of the disc; write a pressure, or side ="
-                ' "top" and a second part with side = "bottom"'
-            )
+    axis: Literal["x", "y", "z"] | tuple[float, ...] | None = key(
+        default=None, sign="any", rule=(vector, "write three numbers, not all zero")
+    )
+    point: tuple[float, ...] | None = key(
+        "m", default=None, sign="any", rule=(lambda x: len(x) == 3, "write three numbers")
+    )
+    direction: tuple[float, ...] | None = key(
+        default=None, sign="any", rule=(vector, "write three numbers, not all zero")
+    )
+    speed: str | None = key(default=None)
 
+    @property
+    def turns_about(self) -> tuple[float, ...]:
+        """Direction of the axis of rotation."""
+        if isinstance(self.axis, tuple):
+            return self.axis
+        return {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}.get(self.axis or "z", (0.0, 0.0, 1.0))
 
-def _displacement(s: Scene, face: str, moved: dict[str, float]) -> Iterator[str]:
-    """Directions that the face's support holds, of a part whose stiffness is that of the scene."""
-    where, held = f'loads."{face}".displacement', s.supports.get(face, ())
-    if unknown := [c for c in moved if c not in DIRECTIONS]:
-        yield f"{where}: {unknown[0]!r}: unknown direction; write x, y or z"
-    if not moved or any(c not in held for c in moved):
-        yield (
-            f"{where} = {moved!r}: moves directions that a support holds; write"
-            f' supports."{face}" = ["x", "y", "z"], or those of them that are meant'
-        )
-    part = s.parts.get(face.partition(".")[0])
-    if part is None or part.matrices is not None:
-        yield f"{where}: moves a face of a mesh; write a force on the set of nodes"
-    else:
-        for name in s.varied:
-            if name.split(".")[1] in (*part.materials, face.partition(".")[0]):
-                yield (
-                    f"{where}: the force of the displacement would change with {name}; leave that"
-                    " out, or write a force"
-                )
+    @property
+    def rate(self) -> float:
+        """Speed along the direction [m/s], or about the axis [rad/s]."""
+        if self.speed is None:
+            return 1.0
+        return to_si(self.speed, "rad/s" if self.direction is None else "m/s")
+
+    def contradictions(self) -> Iterator[str]:
+        """An axis or a direction, and a speed about or along it."""
+        for name in ("axis", "point") if self.direction is not None else ():
+            if (value := getattr(self, name)) is not None:
+                yield f""".{name} = {shown(value)}: a disc turns about an axis or slides along a
+                    direction; leave motion.{name} or motion.direction out"""
+        try:
+            _ = self.rate
+        except ValueError as error:
+            turns, remedy = self.direction is None, ""
+            with suppress(ValueError):
+                to_si(self.speed, "m/s" if turns else "rad/s")
+                written, other = ("direction", "axis") if turns else ("axis", "direction")
+                remedy = f"; with this speed write motion.{written}, and no motion.{other}"
+            yield f".speed = {self.speed!r}: {error}{remedy}"

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-from brake_fenicsx.scene.tables import between, key, shown
+from brake_fenicsx.scene.keys import between, key
 from brake_fenicsx.scene.units import MODULI
-
-if TYPE_CHECKING:
-    from brake_fenicsx.scene.sections import Scene
 
 MAX_PIXELS = 2048  # along a side of a patch
 
@@ -91,15 +86,11 @@ class Surface:
     def contradictions(self) -> Iterator[str]:
         """Scans or statistics, and what belongs to either."""
         if self.S_q == "scan" and self.form:
-            yield (
-                '.S_q = "scan": the variance is that of the scan, and surface.form adds longer'
-                " waves; leave one out"
-            )
+            yield """.S_q = "scan": the variance is that of the scan, and surface.form adds longer
+                waves; leave one out"""
         if self.grooves is not None and self.spectrum != "directional":
-            yield (
-                f'.grooves: spectrum = "{self.spectrum}" has no direction; write surface.spectrum ='
-                ' "directional", or leave it out'
-            )
+            yield f""".grooves: spectrum = "{self.spectrum}" has no direction; write
+                surface.spectrum = "directional", or leave it out"""
         if self.statistics and self.spectrum == "directional":
             yield '.spectrum = "directional": statistics have no direction; name a scan'
         for name in ("cutoff", "size", "height_unit") if self.statistics and not self.scan else ():
@@ -163,48 +154,9 @@ class Micro:
         # The ends of a law of ``micro.law_of_surface``.
         first, last = 1e-6 * E_star, 0.1 * self.hardness
         if highest >= self.hardness:
-            yield (
-                f".max_pressure = {self.max_pressure:g} E*, {highest / 1e6:.4g} MPa: must lie below"
-                f" micro.hardness = {self.hardness / 1e6:.4g} MPa; leave it out"
-            )
+            yield f""".max_pressure = {self.max_pressure:g} E*, {highest / 1e6:.4g} MPa: must lie
+                below micro.hardness = {self.hardness / 1e6:.4g} MPa; leave it out"""
         if self.max_pressure is None and last <= first:
-            yield (
-                f".hardness = {self.hardness:g} Pa: laws end at a tenth of it, {last:.3g} Pa, and"
-                f" begin at 1e-6 E*, {first:.3g} Pa; correct the unit, the hardness of linings is"
-                ' "50 MPa" to "400 MPa"'
-            )
-
-
-def surface_mistakes(s: Scene) -> Iterator[str]:
-    """Files that are not there or count twice, and what gaps ask of the surface."""
-    if s.surface is None:
-        return
-    if "surface" in s.stages:
-        yield from _scans(s, s.surface)
-    if s.surface.S_q == "scan" and any(c.gap == "waviness" for c in s.contact.values()):
-        yield (
-            'surface.S_q = "scan": gap = "waviness" shares the variance of the spectrum; write'
-            ' surface.S_q = "spectrum", or gap = "hdf"'
-        )
-
-
-def _scans(s: Scene, surface: Surface) -> Iterator[str]:
-    """Scans or statistics; every file is there, and named once."""
-    scan, files = surface.scan, surface.scans
-    if scan == ():
-        yield "surface.scan = []: an empty list; name the file of a scan, or several"
-    if not scan and not surface.statistics:
-        yield "surface: name a scan or statistics"
-    if scan and surface.statistics:
-        listed = shown(scan if isinstance(scan, str) else [*files])
-        yield f"surface.scan = {listed}: give either surface.scan or surface.statistics"
-    form = (surface.form,) if surface.form else ()
-    for name, file in [*(("scan", f) for f in files), *(("form", f) for f in form)]:
-        if not os.path.isfile(s.path(file)):
-            yield f"surface.{name} = {file!r}: no such file; paths start at the scene's folder"
-    for one, other in combinations(files, 2):
-        if os.path.samefile(s.path(one), s.path(other)):
-            yield (
-                f"surface.scan: {other!r} is the same file as {one!r} and would count twice; leave"
-                " it out"
-            )
+            yield f""".hardness = {self.hardness:g} Pa: laws end at a tenth of it, {last:.3g} Pa,
+                and begin at 1e-6 E*, {first:.3g} Pa; correct the unit, the hardness of linings is
+                "50 MPa" to "400 MPa" """

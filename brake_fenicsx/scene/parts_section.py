@@ -1,4 +1,4 @@
-"""[parts] of a scene: a builder with its parameters, or cells of the mesh file."""
+"""[parts] and [materials] of a scene: a builder with its parameters, or cells of a mesh file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from typing import Annotated, Any, Literal, Union
 
 from pydantic import BeforeValidator, Discriminator, Tag
 
-from brake_fenicsx.scene.tables import KeyMistake, key, table_type, two_names
+from brake_fenicsx.scene.keys import KeyMistake, key, table_type, two_names
+from brake_fenicsx.scene.units import MODULI
 
 # What a thickness and a displaced mesh of a part of the mesh file are called in it.
 FILE_LAYER, MORPH = "layers.", "morph."
@@ -113,6 +114,13 @@ class Part:
             return ()
         return (self.material,) if isinstance(self.material, str) else (*self.material.values(),)
 
+    @property
+    def shape(self) -> Any:
+        """Module of its builder; None without one."""
+        if self.builder in BUILDERS:
+            return importlib.import_module(f"brake_fenicsx.geometry.{self.builder}")
+        return self.builder and sys.modules[type(self.parameters).__module__]
+
 
 @dataclass(frozen=True, slots=True)
 class PartKeys:
@@ -145,14 +153,50 @@ class FileKeys:
     morph: dict[str, Morph] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, slots=True)
+class MaterialTable:
+    """[materials.NAME]: engineering constants or stiffnesses of the chosen model.
+
+    Attributes:
+        model: symmetry; which constants it takes: [meshes.md](meshes.md).
+        rho: density.
+        E: Young's modulus, or one for each axis.
+        nu: Poisson's ratio, or one for each pair of axes.
+        G: shear modulus, or one for each pair of axes.
+        C11: stiffness, in place of engineering constants.
+        C22: likewise.
+        C33: likewise.
+        C12: likewise.
+        C13: likewise.
+        C23: likewise.
+        C44: likewise, shear 23.
+        C55: likewise, shear 13.
+        C66: likewise, shear 12.
+        axis: additional rotation of axis 1, relative to axis 1 of the part.
+        loss: loss factor.
+    """
+
+    model: str = key(choices=("isotropic", "transversely-isotropic", "orthotropic", "cubic"))
+    rho: float = key("kg/m^3", band=(100.0, 25e3))
+    E: float | tuple[float, ...] | None = key("Pa", default=None, band=MODULI)
+    nu: float | tuple[float, ...] | None = key(default=None, sign="any")
+    G: float | tuple[float, ...] | None = key("Pa", default=None, band=MODULI)
+    C11: float | None = key("Pa", default=None, band=MODULI)
+    C22: float | None = key("Pa", default=None, band=MODULI)
+    C33: float | None = key("Pa", default=None, band=MODULI)
+    C12: float | None = key("Pa", default=None, sign="any")
+    C13: float | None = key("Pa", default=None, sign="any")
+    C23: float | None = key("Pa", default=None, sign="any")
+    C44: float | None = key("Pa", default=None, band=MODULI)
+    C55: float | None = key("Pa", default=None, band=MODULI)
+    C66: float | None = key("Pa", default=None, band=MODULI)
+    axis: float = key("rad", default=0.0, sign="any")
+    loss: float = key(default=0.0, sign="zero", band=(0.0, 1.0))
+
+
 def builder_class(name: str) -> Any:
     """Dataclass of a builder's parameters."""
     return getattr(importlib.import_module(f"brake_fenicsx.geometry.{name}"), BUILDERS[name])
-
-
-def builder_module(part: Part) -> Any:
-    """Module of a part's builder: that of the dataclass of its parameters."""
-    return sys.modules[type(part.parameters).__module__]
 
 
 def length_key(name: str) -> tuple[str, str]:
@@ -186,11 +230,9 @@ def layers_of_thickness(part: Part, name: str) -> tuple[str, ...]:
     if part.builder is None:
         layer = name.removeprefix(FILE_LAYER)
         return (layer,) if layer in part.layers and layer != name else ()
-    module = builder_module(part)
-    named: dict[str, tuple[str, ...]] = {}
-    if hasattr(module, "thicknesses"):
-        named = module.thicknesses(part.parameters)
-    return named.get(name, ())
+    lengths = getattr(part.shape, "thicknesses", None)
+    named = {} if lengths is None else lengths(part.parameters)
+    return tuple(named.get(name, ()))
 
 
 def moved_planes(part: Part, name: str) -> tuple[list[float], list[float]] | None:
@@ -204,14 +246,12 @@ def moved_planes(part: Part, name: str) -> tuple[list[float], list[float]] | Non
         Heights of all planes [m], and their derivatives to the length; None where the
         length moves anything else, or nothing.
     """
-    if part.builder is None:
+    shape, table = part.shape, part.parameters
+    moves = name in getattr(shape, "HEIGHTS", ()) or layers_of_thickness(part, name)
+    if not moves or not hasattr(shape, "levels") or not getattr(table, name):
         return None
-    module, table = builder_module(part), part.parameters
-    moves = name in getattr(module, "HEIGHTS", ()) or layers_of_thickness(part, name)
-    if not moves or not hasattr(module, "levels") or not getattr(table, name):
-        return None
-    step, here = 1e-3 * getattr(table, name), module.levels(table)
-    there = module.levels(replace(table, **{name: getattr(table, name) - step}))
+    step, here = 1e-3 * getattr(table, name), shape.levels(table)
+    there = shape.levels(replace(table, **{name: getattr(table, name) - step}))
     if len(there) != len(here) or here == there:
         return None
     return here, [(a - b) / step for a, b in zip(here, there, strict=True)]
@@ -228,12 +268,10 @@ def moved_sideways(part: Part, name: str) -> Callable[[Any], Any] | None:
         Of points [m], shape (n, 3), their movement along x and y per length, shape (n, 2); None
         where the length moves anything else, or nothing.
     """
-    if part.builder is None or not getattr(part.parameters, name, None):
+    shape, table = part.shape, part.parameters
+    if not getattr(table, name, None) or name not in getattr(shape, "widths", lambda _: ())(table):
         return None
-    module = builder_module(part)
-    if not hasattr(module, "widths") or name not in module.widths(part.parameters):
-        return None
-    return lambda points: module.sideways(part.parameters, name, points)
+    return lambda points: shape.sideways(table, name, points)
 
 
 def part_lengths(parameters: Any) -> dict[str, float]:
