@@ -23,10 +23,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..modes import Complex
+from .contact_rows import SIGMA, Rows, shifted_polynomial
 from .frequency import Polynomial
 from .interpolated import InterpolatedCoefficients, Powers
 from .parameters import CONSTANT, Parameters
-from .rows import SIGMA, Rows, shifted_polynomial
 from .substructure import SAME_ENTRY, MirrorImage, Substructure, mirror_image, turned_across
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from brake_fenicsx.errors import SceneError
 
 from ..modes import Complex
-from .rows import Rows
+from .contact_rows import Rows
 
 Array = NDArray[np.float64]
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
+from .contact_rows import SIGMA, Rows
 from .polynomials import Coefficients
-from .rows import SIGMA, Rows
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..modes import Complex
-from .rows import SIGMA, Rows
+from .contact_rows import SIGMA, Rows
 
 Array = NDArray[np.float64]
 

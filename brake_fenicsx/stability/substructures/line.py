@@ -20,11 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 from brake_fenicsx.errors import InaccurateResult
 
 from .contact import ContactLinearisation
+from .contact_rows import SIGMA
 from .errors import Corrected, corrected
 from .polynomials import Zeros
 from .problem import Quotient
 from .projected import Projected
-from .rows import SIGMA
 from .sample import Sample
 from .trial import LITTLE, Held, TrialSpace, real_columns
 

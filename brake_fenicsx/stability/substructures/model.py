@@ -26,15 +26,15 @@ from brake_fenicsx.folder.memory import release_memory
 from ..eigensolvers.arnoldi import with_conjugates
 from ..eigensolvers.rows import damped_rows, undamped_rows
 from ..modes import Complex, Count, Counting, Modes
-from .blocks import Blocks, Chosen, assembled
+from .block_matrix import BlockMatrix, Chosen, assembled
 from .component import AtPoint, Component, Placed, placed
 from .contact import ContactLinearisation
+from .contact_rows import SIGMA, Rows
 from .errors import Corrected, corrected
 from .line import Basis
 from .offline import OfflineBodies
 from .parameters import CONSTANT, Parameters
 from .reach import higher
-from .rows import SIGMA, Rows
 from .sample import Sample
 from .static import FREE, static_compliance
 from .substructure import Substructure
@@ -397,7 +397,7 @@ class ReducedModel:
             line.learn(p, sample, contact.k / self.unit_stiffness(p), q, interpolated)
         return corrected(found, q, interpolated)
 
-    def blocks(self, p: ArrayLike) -> Blocks:
+    def blocks(self, p: ArrayLike) -> BlockMatrix:
         """The bodies seen from all contact elements at a point of the box."""
         every = Chosen.of(self.bodies, np.arange(self._w.size), self._w.size)
         return assembled(self.bodies, self.at(p), self.rows, every)

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from brake_fenicsx.folder.processes import in_turns
 
 from .component import image_arrays, originals_and_images
+from .contact_rows import Rows
 from .parameters import Parameters
 from .reduction import Reduction, kept_modes
-from .rows import Rows
 from .substructure import Substructure
 
 Index = NDArray[np.intp]

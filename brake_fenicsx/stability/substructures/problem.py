@@ -30,10 +30,10 @@ from brake_fenicsx.iteration import remaining
 
 from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
+from .contact_rows import Rows
 from .errors import ROUND_OFF
 from .expansion import expanded
 from .polynomials import Coefficients, Zeros, applied, zeros
-from .rows import Rows
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from ..eigensolvers.arnoldi import on_parts
 from ..modes import Complex
 from .contact import ContactLinearisation
+from .contact_rows import SIGMA
 from .polynomials import Zeros, applied
 from .problem import Quotient, SampleProblem
-from .rows import SIGMA
 from .trial import TrialSpace, UnitContact
 
 if TYPE_CHECKING:

@@ -19,9 +19,9 @@ from brake_fenicsx.folder.log import logger
 
 from ..modes import relative_errors
 from .contact import ContactLinearisation
+from .contact_rows import SIGMA
 from .errors import SAFETY
 from .parameters import BETWEEN
-from .rows import SIGMA
 from .sample import Sample
 
 if TYPE_CHECKING:

@@ -22,12 +22,12 @@ from ..eigensolvers.lanczos import lowest_modes
 from ..eigensolvers.symmetric import count_below
 from .complement import Complement
 from .component import interface_at, matrices
+from .contact_rows import SIGMA, Rows
 from .frequency import Polynomial, imaginary_points, real_points
 from .interpolated import InterpolatedCoefficients
 from .parameters import Parameters
-from .rows import SIGMA, Rows
+from .seen_body import SeenBody
 from .substructure import Substructure
-from .values import SeenBody
 
 Array = NDArray[np.float64]
 

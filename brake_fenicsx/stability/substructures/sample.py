@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from ..eigensolvers.arnoldi import times
 from ..modes import Complex
-from .blocks import Chosen, assembled
+from .block_matrix import Chosen, assembled
 from .component import AtPoint, Placed
 from .contact import ContactForces, ContactLinearisation
+from .contact_rows import Rows
 from .problem import Quotient, SampleProblem
-from .rows import Rows
 
 Array = NDArray[np.float64]
 

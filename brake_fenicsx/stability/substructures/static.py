@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .blocks import Blocks
-from .rows import SIGMA, Rows
+from .block_matrix import BlockMatrix
+from .contact_rows import SIGMA, Rows
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ FREE = 1e-2
 
 
 def static_compliance(
-    b: Blocks, free: NDArray[np.bool_], stiffness: Array, rows: Rows, omega: float
+    b: BlockMatrix, free: NDArray[np.bool_], stiffness: Array, rows: Rows, omega: float
 ) -> tuple[Array, Array, Array]:
     """Gaps and free coordinates of all bodies; see ``macro.condensation.Compliance``.
 

@@ -41,7 +41,7 @@ class UnitContact:
             the first in single precision: they are less than a thousandth of it.
         friction: D of friction forces, likewise.
         lead: of both, shape (coefficients, kept modes, elements).
-        source: see ``blocks``.
+        source: see ``block_matrix``.
         own: likewise.
         symmetric: whether the bodies are, as without rotation.
         stiffness: k for which w k is 1 in units of the band's end [Pa/m], shape (elements,).

@@ -30,11 +30,11 @@ from brake_fenicsx.iteration import Steps, sizes
 
 from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
-from .blocks import Chosen, assembled
+from .block_matrix import Chosen, assembled
 from .complement import Complement
 from .component import Array, Component, Index, Placed
+from .contact_rows import Rows
 from .polynomials import Coefficients, applied
-from .rows import Rows
 from .sample import Sample
 
 # Steps at most for motions and for vectors, and the relative error at which they end.

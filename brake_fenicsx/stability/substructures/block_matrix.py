@@ -7,8 +7,8 @@ f that they make,
     y + D(w) f = source(w) a,        D = D_OI,                source = O W - D_OX,
 
 and with loads q the terms load(w) q and push(w) q on the right, load = W'F - D_XF, push = -D_OF;
-the letters those of ``values``. Each is a polynomial in w, summed over the bodies here and nowhere
-else. Samples, lines of them, equilibrium and limit cycles are algebra on it.
+the letters those of ``seen_body``. Each is a polynomial in w, summed over the bodies here and
+nowhere else. Samples, lines of them, equilibrium and limit cycles are algebra on it.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .component import AtPoint, Placed
-from .rows import Rows
+from .contact_rows import Rows
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
-class Blocks:
+class BlockMatrix:
     """Coefficients in powers of w, in units of the band's end.
 
     Attributes:
@@ -96,7 +96,7 @@ def assembled(
     rows: Rows,
     followed: Chosen,
     acting: Chosen | None = None,
-) -> Blocks:
+) -> BlockMatrix:
     """Sum the bodies.
 
     Args:
@@ -146,7 +146,7 @@ def assembled(
             for line, row in zip(places, np.split(part, f), strict=True):
                 for place, block in zip(line, np.hsplit(row, g), strict=True):
                     D[n][place] += block
-    return Blocks(own, lead, source, D, load, push)
+    return BlockMatrix(own, lead, source, D, load, push)
 
 
 def _square(rows: Index, columns: Index) -> tuple[Any, Any]:

@@ -27,7 +27,7 @@ SIGMA = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Blocks of contact rows: those whose motion forces follow, and those forces act along.
+    """BlockMatrix of contact rows: those whose motion forces follow, and those forces act along.
 
     Attributes:
         followed: "N", then "T" and "R" where forces follow the slip rates along and across.

@@ -29,7 +29,7 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.schur import InterfaceFactor
 
 from .complement import INDEFINITE, is_symmetric
-from .rows import Rows
+from .contact_rows import Rows
 
 Array = NDArray[np.float64]
 

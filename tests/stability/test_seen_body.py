@@ -5,14 +5,14 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from brake_fenicsx.stability.substructures.contact_rows import SIGMA, Rows
 from brake_fenicsx.stability.substructures.frequency import (
     Polynomial,
     imaginary_points,
     real_points,
 )
 from brake_fenicsx.stability.substructures.reduction import lagrange, proportional
-from brake_fenicsx.stability.substructures.rows import SIGMA, Rows
-from brake_fenicsx.stability.substructures.values import SeenBody
+from brake_fenicsx.stability.substructures.seen_body import SeenBody
 
 NODES, ELEMENTS, CUTOFF = 120, 12, 1.8
 UNDAMPED, DAMPED = Rows("N", False), Rows("NT", True)
