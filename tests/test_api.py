@@ -208,11 +208,11 @@ def test_values_with_their_units(model):
 
 
 def test_critical_gaps_of_a_sample_are_drawn_once_for_all_values_of_friction(model):
-    draw = model.study._draw
-    first, second = (draw("multi-scale", 1, {FRICTION: mu}).laws for mu in (0.3, 0.4))
+    draw = model.study.sample
+    first, second = (draw(("multi-scale", 1), {FRICTION: mu}).laws for mu in (0.3, 0.4))
     assert second is first and np.ptp(first.g_cr) > 0
-    draw("multi-scale", 2)
-    again = draw("multi-scale", 1).laws
+    draw(("multi-scale", 2))
+    again = draw(("multi-scale", 1)).laws
     assert again is not first
     np.testing.assert_array_equal(again.g_cr, first.g_cr)
 

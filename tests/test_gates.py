@@ -55,18 +55,10 @@ def lines(path):
 
 
 def imports(name, path):
-    """Modules that a module imports: (name, whether only for types or inside a function)."""
-    package = name.split(".") if path.name == "__init__.py" else name.split(".")[:-1]
-    top = {*tree(path).body}
+    """Modules that a module imports anywhere."""
     for node in ast.walk(tree(path)):
-        if isinstance(node, ast.ImportFrom):
-            module = node.module.split(".") if node.module else []
-            base = [*package[: len(package) + 1 - node.level], *module] if node.level else module
-            for alias in node.names:
-                whole = ".".join([*base, alias.name])
-                yield whole if whole in sources() else ".".join(base), node not in top
-        elif isinstance(node, ast.Import):
-            yield from ((alias.name, node not in top) for alias in node.names)
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            yield from names_of(name, path, node)
 
 
 def for_types(path):
@@ -98,12 +90,15 @@ def graph(types):
         out[name] = set()
         package = {name} | ({name.rpartition(".")[0]} if path.name == "__init__.py" else set())
         for node in [*tree(path).body, *(for_types(path) if types else ())]:
-            if isinstance(node, (ast.Import, ast.ImportFrom)) and (types or id(node) not in skipped):
+            if isinstance(node, (ast.Import, ast.ImportFrom)) and (
+                types or id(node) not in skipped
+            ):
                 out[name] |= {m for m in names_of(name, path, node) if m in sources()} - package
     return out
 
 
 def names_of(name, path, node):
+    """Modules that a statement imports."""
     package = name.split(".") if path.name == "__init__.py" else name.split(".")[:-1]
     if isinstance(node, ast.Import):
         return [alias.name for alias in node.names]
@@ -125,8 +120,14 @@ def measured(gate):
             found = circles(graph(types=True))
             return sum(not all(".scene" in name for name in circle) for circle in found)
         case "scene_in_mechanics":
-            below = [(n, p) for n, p in every.items() if n.split(".")[1:2] and n.split(".")[1] in MECHANICS]
-            return sum(m.startswith("brake_fenicsx.scene") for n, p in below for m, _ in imports(n, p))
+            below = [
+                (n, p)
+                for n, p in every.items()
+                if n.split(".")[1:2] and n.split(".")[1] in MECHANICS
+            ]
+            return sum(
+                m.startswith("brake_fenicsx.scene") for n, p in below for m, _ in imports(n, p)
+            )
         case "names_twice":
             names = Counter(p.stem for p in core.values() if p.stem != "__init__")
             return sum(n > 1 for n in names.values())
