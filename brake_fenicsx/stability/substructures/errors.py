@@ -8,7 +8,6 @@ Perturbation Theory for Linear Operators, 1980, chapter II).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg as la
@@ -16,9 +15,7 @@ from numpy.typing import NDArray
 
 from ..modes import Complex
 from .polynomials import Zeros
-
-if TYPE_CHECKING:
-    from .problem import Quotient
+from .problem import ROUND_OFF, Quotient
 
 Array = NDArray[np.float64]
 
@@ -27,12 +24,6 @@ CLOSE = 0.125
 
 # An estimate is a few sizes of terms added up; it is stated with this factor.
 SAFETY = 2.0
-
-# Round-off of matrices and eigenvalues in double precision, of the reduced model and of full order,
-# in units of the band's end squared: a difference of 5.1e-10 was measured on the reference brake
-# with hardness, 1.2e-10 on the demo with coarse cells, the same without single precision anywhere,
-# which makes 4.5e-12 of it there. Stated is SAFETY times this number, with what estimates see.
-ROUND_OFF = 5e-10
 
 
 @dataclass(frozen=True, slots=True)
