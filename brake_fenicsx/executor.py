@@ -194,7 +194,7 @@ def _stored(study: Study, left: dict[Task, None]) -> Iterator[Record]:
 
 def _read(study: Study, task: Task) -> Record:
     """What was stored of a sample, but for values of every contact element or coordinate."""
-    from brake_fenicsx.results.blocks import LARGE
+    from brake_fenicsx.results.sample_blocks import LARGE
 
     stored = {k: v for k, v in study.stored(task).items() if k not in LARGE}
     small = {k: v.item() if v.ndim == 0 else v for k, v in stored.items()}

@@ -220,7 +220,7 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
         )  # fmt: skip
         note_warnings(this, surface_warnings(this.scene, stats))
         if this.comm.rank == 0:
-            from brake_fenicsx.report.inputs import surface_arrays
+            from brake_fenicsx.report.figure_inputs import surface_arrays
 
             recipe, micro = law_recipe(this.scene, stats), this.scene.micro
             arrays = surface_arrays(stats, recipe, micro.seed if micro else 0)
@@ -312,7 +312,7 @@ def mechanics(
         return
     sweep = None
     if this.scene.sweep is not None:
-        from brake_fenicsx.sweeps.study import SweepStudy
+        from brake_fenicsx.sweeps.sweep_study import SweepStudy
 
         with this.stage("sweep"):
             sweep = SweepStudy(study)
@@ -338,7 +338,7 @@ def mechanics(
         note_open_points(this)
         note_warnings(this, this.facts.pop("lost_extras", []))
         if "report" in this.scene.stages:
-            from brake_fenicsx.report.inputs import contact_maps
+            from brake_fenicsx.report.figure_inputs import contact_maps
             from brake_fenicsx.report.mode_fields import write_mode_fields
 
             note_warnings(this, write_mode_fields(study, first, this.pictures))
@@ -408,11 +408,11 @@ def report(
         pictures: whether figures are drawn; those of mode shapes and the mesh stay as they are.
         own: figures of a user's own by name.
     """
+    from brake_fenicsx.report.figure_inputs import contact_maps
     from brake_fenicsx.report.figures import make_figures
     from brake_fenicsx.report.html import write_report
-    from brake_fenicsx.report.inputs import contact_maps
     from brake_fenicsx.report.overview import summary_table
-    from brake_fenicsx.report.surface_section import write_surface_tables
+    from brake_fenicsx.report.surface_page import write_surface_tables
     from brake_fenicsx.results.answer import write_tables
     from brake_fenicsx.results.run import RunData, read_run
 

@@ -18,7 +18,7 @@ from brake_fenicsx import prepare
 from brake_fenicsx.sweeps.branches import CUT, follow
 from brake_fenicsx.sweeps.events import ONSET, find_events
 from brake_fenicsx.sweeps.state import Points
-from brake_fenicsx.sweeps.study import FINE
+from brake_fenicsx.sweeps.sweep_study import FINE
 
 DEMO = Path(__file__).parent / "scenes" / "disc_brake_demo.toml"
 KEY, LAST = "contact.pad_disc.friction", 0.8

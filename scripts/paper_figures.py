@@ -33,7 +33,7 @@ from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.report.contact_figures import draw_contact_maps, draw_laws
-from brake_fenicsx.report.inputs import contact_maps
+from brake_fenicsx.report.figure_inputs import contact_maps
 from brake_fenicsx.report.overview import summary_table
 from brake_fenicsx.report.squeal_figures import draw_squeal_map
 from brake_fenicsx.report.style import house_style, save

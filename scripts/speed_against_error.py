@@ -48,8 +48,8 @@ from brake_fenicsx.folder.log import start_log
 from brake_fenicsx.macro.solver import petsc_matrix
 from brake_fenicsx.micro import LawSettings, law_of_surface
 from brake_fenicsx.report.style import CYCLE, MARKERS, house_style
+from brake_fenicsx.results.ensemble_statistics import wilson
 from brake_fenicsx.results.run import read_run
-from brake_fenicsx.results.statistics import wilson
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.surface import characterise, make_topography, read_topography, synthesise

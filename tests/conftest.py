@@ -140,10 +140,10 @@ class TwoBlocks:
         discretisation="patch",
     ):
         from brake_fenicsx.geometry import block
-        from brake_fenicsx.macro.contact import contact_elements
+        from brake_fenicsx.macro.contact_elements import contact_elements
         from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
-        from brake_fenicsx.macro.friction import Translation
         from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
+        from brake_fenicsx.macro.sliding_friction import Translation
         from brake_fenicsx.meshing.brake_mesh import build_mesh
         from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 

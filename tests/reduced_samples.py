@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from brake_fenicsx.macro.elasticity import affine_parts
-from brake_fenicsx.macro.friction import Rotation
+from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.stability import (
     ContactLinearisation,
     Parameters,

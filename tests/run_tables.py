@@ -12,7 +12,7 @@ from brake_fenicsx.results.output import ContactElement
 from brake_fenicsx.results.probabilities import Convergence, Probability, Sensitivity
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.tables import TEXTS, as_array
-from brake_fenicsx.sweeps.tables import ChartRow, CriticalRow, CurveRow, EventRow, SweepRow
+from brake_fenicsx.sweeps.sweep_tables import ChartRow, CriticalRow, CurveRow, EventRow, SweepRow
 
 CONTACT, DRIVERS, CONTACT_DRIVERS = (t.names() for t in (ContactElement, Driver, ContactDriver))
 SENSITIVITY, PROBABILITIES = Sensitivity.names(), Probability.names()

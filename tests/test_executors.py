@@ -20,7 +20,7 @@ from brake_fenicsx import prepare, run
 from brake_fenicsx.errors import BrakeError, NotConverged, SceneError
 from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.results.blocks import LARGE
+from brake_fenicsx.results.sample_blocks import LARGE
 from coarse_block import BLOCK, ROUGH
 from processes import parallel
 

@@ -25,13 +25,13 @@ BROKEN = {
     "drivers": ("brake_fenicsx.samples.drivers.Drivers.of", "drivers left out"),
     "limit cycles": ("brake_fenicsx.extras.limit_cycle.cycles.Cycles.of", "limit cycles left out"),
     "displacements": (
-        "brake_fenicsx.stability.substructures.model.ReducedModel.displacements_of_samples",
+        "brake_fenicsx.stability.substructures.reduced_model.ReducedModel.displacements_of_samples",
         "shapes of modes left out",
     ),
     "equilibria": ("brake_fenicsx.report.fields.write_facets", "fields of the equilibria left out"),
     "picture": ("brake_fenicsx.report.render.render_mode", "picture of the mode at"),
     "mesh": ("brake_fenicsx.pipeline.draw_mesh", "picture of the mesh left out"),
-    "maps": ("brake_fenicsx.report.inputs.contact_maps", "maps of the contact left out"),
+    "maps": ("brake_fenicsx.report.figure_inputs.contact_maps", "maps of the contact left out"),
     "figure": ("brake_fenicsx.report.figures.save", "figure figure9_squeal_map left out"),
 }
 

@@ -128,9 +128,7 @@ def measured(gate):
                 for n, p in every.items()
                 if n.split(".")[1:2] and n.split(".")[1] in MECHANICS
             ]
-            return sum(
-                m.startswith("brake_fenicsx.scene") for n, p in below for m, _ in imports(n, p)
-            )
+            return sum(m.startswith("brake_fenicsx.scene") for n, p in below for m in imports(n, p))
         case "names_twice":
             names = Counter(p.stem for p in core.values() if p.stem != "__init__")
             return sum(n > 1 for n in names.values())

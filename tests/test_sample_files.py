@@ -16,8 +16,8 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.results.blocks import Tabulation
 from brake_fenicsx.results.families import ModeFamilies
+from brake_fenicsx.results.sample_blocks import Tabulation
 from brake_fenicsx.results.stored import StoredSamples
 from brake_fenicsx.samples.ensemble import run_ensemble
 

@@ -13,7 +13,7 @@ from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.report.inputs import surface_arrays
+from brake_fenicsx.report.figure_inputs import surface_arrays
 from brake_fenicsx.report.style import SKY
 from brake_fenicsx.report.surface_figures import draw_bearing_curve, draw_statistics
 from brake_fenicsx.results.run import read_run

@@ -17,7 +17,7 @@ from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.lock import ARRAYS, Share, read_share
-from brake_fenicsx.results import blocks
+from brake_fenicsx.results import sample_blocks as blocks
 
 ROOT = Path(__file__).parents[1]
 BLOCK = ROOT / "scripts" / "scenes" / "block_on_plate.toml"
@@ -33,7 +33,7 @@ TABLES = ("modes", "samples", "contact", "probabilities", "convergence")
 PROGRAM = """
 import sys
 from brake_fenicsx.folder import sample_files
-from brake_fenicsx.results import blocks
+from brake_fenicsx.results import sample_blocks as blocks
 sample_files.BLOCK, blocks.FOUNDING = 4, 2
 from brake_fenicsx.cli import main
 sys.exit(main(sys.argv[1:]))

@@ -15,7 +15,7 @@ from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import sections
 from brake_fenicsx.macro.condensation import Compliance
-from brake_fenicsx.macro.contact import Contact, join
+from brake_fenicsx.macro.contact_elements import Contact, join
 from brake_fenicsx.macro.elasticity import Elastic
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.stuck import Stuck, stick

@@ -31,10 +31,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.macro.contact import Contact
+from brake_fenicsx.macro.contact_elements import Contact
 from brake_fenicsx.macro.elasticity import affine_parts
-from brake_fenicsx.macro.friction import Rotation, SlidingFriction
 from brake_fenicsx.macro.material import Material
+from brake_fenicsx.macro.sliding_friction import Rotation, SlidingFriction
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import (
     active_terms,

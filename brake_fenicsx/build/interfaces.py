@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.contact import Contact, contact_elements, restricted
+from brake_fenicsx.macro.contact_elements import Contact, contact_elements, restricted
 from brake_fenicsx.macro.elasticity import FreeDofs
-from brake_fenicsx.macro.friction import Motion, Rotation, Translation
+from brake_fenicsx.macro.sliding_friction import Motion, Rotation, Translation
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import slides

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.faces import Face, gather_face
 from brake_fenicsx.macro.free_motions import FreeMotions, free_motions
-from brake_fenicsx.macro.friction import Rotation
+from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.bodies_section import Motion

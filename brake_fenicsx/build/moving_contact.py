@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.interfaces import interface_elements
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.contact import Contact, join, restricted
+from brake_fenicsx.macro.contact_elements import Contact, join, restricted
 from brake_fenicsx.macro.morphing import Moving
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.keys import key_parts

@@ -14,9 +14,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.macro.friction import SlidingFriction
+from brake_fenicsx.macro.contact_elements import Contact
 from brake_fenicsx.macro.layer_mass import layer_masses
+from brake_fenicsx.macro.sliding_friction import SlidingFriction
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .contact import Contact
-from .friction import Motion, Rotation
+from .contact_elements import Contact
+from .sliding_friction import Motion, Rotation
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .contact import Contact
+from .contact_elements import Contact
 
 Array = NDArray[np.float64]
 

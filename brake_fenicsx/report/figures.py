@@ -15,9 +15,9 @@ from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.results.run import RunData, read_run
 
-from .blocks import Block, Picture
 from .contact_figures import draw_contact_maps, draw_contact_pressure, draw_laws, laws_caption
 from .input_figures import draw_correlations, draw_driver_maps, draw_drivers, draw_sensitivity
+from .page_blocks import Block, Picture
 from .sample_figures import draw_convergence, draw_counts, draw_errors, draw_probability
 from .squeal_figures import draw_families, draw_squeal_map
 from .style import house_style, save

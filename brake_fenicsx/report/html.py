@@ -18,7 +18,7 @@ from brake_fenicsx.results.tables import Value, show
 from .figures import make_figures
 from .mode_cards import ModePictures
 from .sections import CARDS, appendix_sections, main_sections, more_cards
-from .surface_section import of_surface, surface_sections, surface_verdict
+from .surface_page import of_surface, surface_sections, surface_verdict
 from .verdict import leading_approach, make_verdict
 
 

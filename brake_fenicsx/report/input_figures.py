@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.results.ensemble_statistics import Correlation, rank_correlation
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
-from brake_fenicsx.results.statistics import Correlation, rank_correlation
 from brake_fenicsx.results.tables import SAMPLES, Columns, rows_of
 
 from .contact_figures import draw_patches, pad_sides, patches, sliding_rows

@@ -11,9 +11,9 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.tables import Value
 
-from .blocks import Block, Table, Text
 from .figures import figures
 from .overview import cause_rows, share_text
+from .page_blocks import Block, Table, Text
 
 FAMILIES = 8  # rows of the tables of families, at least 2 of each approach
 

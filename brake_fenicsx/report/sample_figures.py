@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.results.ensemble_statistics import wilson
 from brake_fenicsx.results.run import RunData
-from brake_fenicsx.results.statistics import wilson
 
 from .squeal_figures import KHZ
 from .style import BLACK, label, light_grid, look, new_figure, stroke

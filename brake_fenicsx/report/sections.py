@@ -11,7 +11,6 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import Row, RowTable, Value
 
-from .blocks import Block, Heading, Picture, Preformatted, Section, Special, Table, Text, pairs
 from .figures import figures
 from .mode_cards import (
     Card,
@@ -23,9 +22,10 @@ from .mode_cards import (
     other_cards,
 )
 from .overview import share_text
+from .page_blocks import Block, Heading, Picture, Preformatted, Section, Special, Table, Text, pairs
 from .parameter_sections import forces_blocks, input_blocks, rows_of_each, sweep_blocks
 from .squeal_map import squeal_map
-from .surface_section import law_blocks, of_surface, surface_blocks
+from .surface_page import law_blocks, of_surface, surface_blocks
 
 CARDS = 6  # mode shapes before the appendix, beside those of the first screen
 

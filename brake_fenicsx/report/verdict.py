@@ -9,16 +9,16 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
+from brake_fenicsx.results.ensemble_statistics import wilson
 from brake_fenicsx.results.limits import limit_rows
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import ApproachCount, Family
-from brake_fenicsx.results.statistics import wilson
 from brake_fenicsx.results.tables import Value
 
-from .blocks import Block, Table
 from .figures import lost_figures
 from .mode_cards import Card, ModePictures, family_card
 from .overview import open_points, share_text
+from .page_blocks import Block, Table
 
 CANDIDATES = 3
 CLOSE = 0.01  # relative distance of two frequencies that may be those of a doublet

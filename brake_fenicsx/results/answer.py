@@ -8,10 +8,10 @@ from itertools import pairwise
 from pathlib import Path
 
 from .accuracy import ErrorRow, SpeedRow, StageRow, error_rows, speed_rows, stage_rows
+from .ensemble_statistics import wilson
 from .limits import LimitRow, limit_rows, share_cells
 from .run import RunData, read_run
 from .squeal import Family
-from .statistics import wilson
 from .tables import Row, RowTable
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .ensemble_statistics import Proportion, wilson
 from .run import RunData
 from .squeal import squeals
-from .statistics import Proportion, wilson
 from .tables import Row
 
 USUAL = 0.01  # of the damping ratio -2 Re / |Im| that Abaqus prints

@@ -15,13 +15,13 @@ from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.macro.contact import Contact
+from brake_fenicsx.macro.contact_elements import Contact
 from brake_fenicsx.samples.forces import contact_of, force_statistics
 from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene.in_effect import in_effect
 
-from . import blocks
+from . import sample_blocks as blocks
 from .columns import column_writer
 from .counts import sample_facts, verification
 from .driver_tables import contact_driver_table, driver_table

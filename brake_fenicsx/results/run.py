@@ -17,8 +17,8 @@ from brake_fenicsx.extensions import extras, load
 from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.folder.store import PREPARED, Store
 
-from .blocks import tabulation_of
 from .driver_tables import contact_driver_table, driver_table
+from .sample_blocks import tabulation_of
 from .squeal import SquealTable
 from .stored import StoredSamples
 from .tables import Columns

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .statistics import Proportion, wilson
+from .ensemble_statistics import Proportion, wilson
 from .tables import MODES, TEXTS, Columns
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.folder.sample_files import Task
-from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.macro.friction import Rotation
+from brake_fenicsx.macro.contact_elements import Contact
 from brake_fenicsx.macro.resultants import PadForces, pad_forces
+from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.macro.stuck import StuckState
 from brake_fenicsx.scene import Scene
 

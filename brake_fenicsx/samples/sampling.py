@@ -20,9 +20,9 @@ from brake_fenicsx.build.parametric import BrakeAt
 from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import FrictionLaw
-from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.macro.friction import Coefficient, SlidingFriction
+from brake_fenicsx.macro.contact_elements import Contact
 from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
+from brake_fenicsx.macro.sliding_friction import Coefficient, SlidingFriction
 from brake_fenicsx.micro import (
     LawSteps,
     OneLaw,
@@ -39,7 +39,14 @@ from brake_fenicsx.scene.contact_section import LAWS
 from brake_fenicsx.scene.scalars import SPEED
 
 from .designs import roughness_of
-from .inputs import PERFECT, check_values, draw_inputs, law_factor, scaled_interfaces, size_of
+from .random_inputs import (
+    PERFECT,
+    check_values,
+    draw_inputs,
+    law_factor,
+    scaled_interfaces,
+    size_of,
+)
 
 if TYPE_CHECKING:
     from brake_fenicsx.surface.hdf import HeightDistribution

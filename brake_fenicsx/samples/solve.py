@@ -26,7 +26,7 @@ from .models import Models
 
 if TYPE_CHECKING:
     from brake_fenicsx.scene import Stability
-    from brake_fenicsx.stability.substructures.line import Basis
+    from brake_fenicsx.stability.substructures.parameter_line import Basis
 
     from .sampling import SampleInput
 

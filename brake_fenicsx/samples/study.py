@@ -31,14 +31,14 @@ from brake_fenicsx.surface.waviness import Waviness
 from .ensemble import run_ensemble
 from .equilibria import Equilibria
 from .forces import forces_of_sample, mean_friction, moved
-from .inputs import PERFECT, note_laws, points_of
 from .models import Models
+from .random_inputs import PERFECT, note_laws, points_of
 from .sampling import SampleInput, draw_sample, sample_count, sample_seed
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium
     from brake_fenicsx.stability.modes import Modes
-    from brake_fenicsx.stability.substructures.line import Basis
+    from brake_fenicsx.stability.substructures.parameter_line import Basis
 
     from .drivers import Drivers
     from .solve import More

@@ -14,10 +14,10 @@ from brake_fenicsx.errors import InaccurateResult
 
 from .eigensolvers.argument_principle import damped_region
 from .eigensolvers.symmetric import SHIFT, count_below
-from .full.problem import SplitProblem
+from .full.eigenproblem import SplitProblem
 from .modes import Complex, Counting
-from .substructures.contact import ContactLinearisation
-from .substructures.model import ReducedModel
+from .substructures.contact_linearisation import ContactLinearisation
+from .substructures.reduced_model import ReducedModel
 from .substructures.substructure import Substructure
 
 # The count needs the number of zeros, not their digits.

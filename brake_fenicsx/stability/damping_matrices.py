@@ -52,7 +52,7 @@ from numpy.typing import NDArray
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import FreeDofs, on_free_dofs
-from brake_fenicsx.macro.friction import Rotation
+from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.meshing.brake_mesh import Mesh
 
 Array = NDArray[np.float64]

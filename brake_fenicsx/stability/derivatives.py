@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from .eigensolvers.eigenpairs import QuadraticPencil, inner
 from .modes import Complex
-from .substructures.contact import ContactLinearisation
+from .substructures.contact_linearisation import ContactLinearisation
 from .substructures.vectors import ContactMotions
 
 Array = NDArray[np.float64]

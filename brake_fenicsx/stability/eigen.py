@@ -32,10 +32,10 @@ from .eigensolvers.rows import undamped_rows
 from .eigensolvers.symmetric import LARGEST_SHIFT, shifted_factor, symmetric_modes
 from .full.damped import damped_modes
 from .full.dense import DENSE, small_modes
-from .full.friction import friction_modes
+from .full.eigenproblem import Found, SplitProblem
+from .full.friction_modes import friction_modes
 from .full.interface import Interface, difference_interface
 from .full.krylov_schur import general_modes
-from .full.problem import Found, SplitProblem
 from .modes import Counting, Modes, counted_rows
 
 

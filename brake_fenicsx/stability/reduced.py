@@ -14,8 +14,8 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.solver import whole
 
 from .modes import Complex, Modes
-from .substructures.contact import ContactLinearisation
-from .substructures.model import ReducedModel
+from .substructures.contact_linearisation import ContactLinearisation
+from .substructures.reduced_model import ReducedModel
 from .substructures.substructure import split_substructures
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from brake_fenicsx.results.statistics import Proportion, wilson
+from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
 
 Array = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.mac import mac
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.stability.modes import Complex, Modes
-from brake_fenicsx.stability.substructures.line import Basis
+from brake_fenicsx.stability.substructures.parameter_line import Basis
 
 Array = NDArray[np.float64]
 # Equilibria that are kept as starts.

@@ -14,7 +14,7 @@ from brake_fenicsx.checks import check, surface_warnings, with_pixels
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.micro import load_laws, save_laws
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.report.inputs import contact_maps
+from brake_fenicsx.report.figure_inputs import contact_maps
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import laws_key, result_digest
 from brake_fenicsx.surface import given_statistics, synthesise

@@ -7,8 +7,8 @@ from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.extras.limit_cycle.contact_forces import PeriodForces
 from brake_fenicsx.extras.limit_cycle.growth import follow
 from brake_fenicsx.extras.limit_cycle.harmonic_balance import HarmonicBalance
-from brake_fenicsx.macro.friction import SlidingFriction
 from brake_fenicsx.macro.gap import EnrichedGap
+from brake_fenicsx.macro.sliding_friction import SlidingFriction
 from brake_fenicsx.micro import LawSteps, OneLaw, make_library
 from oscillators import first_vibration, no_growth, oscillator, van_der_pol
 

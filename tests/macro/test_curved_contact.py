@@ -7,10 +7,10 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx.macro.contact import contact_elements
+from brake_fenicsx.macro.contact_elements import contact_elements
 from brake_fenicsx.macro.elasticity import assemble_elastic
-from brake_fenicsx.macro.friction import Translation
 from brake_fenicsx.macro.material import Material, isotropic
+from brake_fenicsx.macro.sliding_friction import Translation
 from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 

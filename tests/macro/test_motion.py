@@ -17,8 +17,8 @@ from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.build.inventory import placement_doubts
 from brake_fenicsx.build.part_builders import scene_mesh
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.resultants import pad_forces
+from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.scene import read_scene
 
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"

@@ -447,10 +447,10 @@ def test_gap_of_a_split_mesh_opens(tmp_path, meshes):
     """The pad lifted off by 1: gap 1 everywhere; catches facets left on the other body's nodes."""
     from dolfinx import fem
 
-    from brake_fenicsx.macro.contact import contact_elements
+    from brake_fenicsx.macro.contact_elements import contact_elements
     from brake_fenicsx.macro.elasticity import assemble_elastic
-    from brake_fenicsx.macro.friction import Translation
     from brake_fenicsx.macro.material import Material, isotropic
+    from brake_fenicsx.macro.sliding_friction import Translation
 
     file = tmp_path / "glued.msh"
     meshes.write_gmsh(meshes.glued(meshes.boxes()), file)

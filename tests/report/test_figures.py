@@ -182,7 +182,7 @@ def test_surface_known_by_its_numbers_alone(stages, tmp_path, without_pixels):
     from brake_fenicsx.build.law_stage import law_recipe
     from brake_fenicsx.build.measured_surface import read_surface
     from brake_fenicsx.report import html
-    from brake_fenicsx.report.inputs import surface_arrays
+    from brake_fenicsx.report.figure_inputs import surface_arrays
     from brake_fenicsx.scene import read_scene
 
     scene = tmp_path / "numbers.toml"

@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
-from brake_fenicsx.report.surface_section import write_surface_tables
+from brake_fenicsx.report.surface_page import write_surface_tables
 from brake_fenicsx.surface import read_topography
 from run_tables import read_columns, read_rows, read_run
 

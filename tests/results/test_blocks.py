@@ -5,9 +5,9 @@ import pytest
 
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.results import blocks
-from brake_fenicsx.results.blocks import SampleBlock, Tabulation
+from brake_fenicsx.results import sample_blocks as blocks
 from brake_fenicsx.results.counts import sample_facts
+from brake_fenicsx.results.sample_blocks import SampleBlock, Tabulation
 from brake_fenicsx.results.stored import StoredSamples
 from brake_fenicsx.results.tables import write_rows
 

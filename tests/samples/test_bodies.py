@@ -17,7 +17,7 @@ from brake_fenicsx.macro.condensation import compliance
 from brake_fenicsx.macro.equilibrium import equilibrium
 from brake_fenicsx.macro.equilibrium_change import BodyOperators, corrected_equilibrium
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.samples.inputs import draw_inputs
+from brake_fenicsx.samples.random_inputs import draw_inputs
 from brake_fenicsx.samples.sampling import draw_sample
 from brake_fenicsx.scene import read_scene
 

@@ -8,7 +8,7 @@ import pytest
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.samples.designs import correlation_root
-from brake_fenicsx.samples.inputs import draw_inputs, points_of
+from brake_fenicsx.samples.random_inputs import draw_inputs, points_of
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.samples_section import Distribution
 

@@ -8,7 +8,7 @@ import pytest
 from brake_fenicsx.build.material_table import constants, stiffness, varied_stiffness
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.material import engineering_constants
-from brake_fenicsx.samples.inputs import draw_inputs, law_factor, points_of
+from brake_fenicsx.samples.random_inputs import draw_inputs, law_factor, points_of
 from brake_fenicsx.samples.sampling import draw_sample, one_law, sample_count
 from brake_fenicsx.scene import LawTable, MaterialTable, read_scene
 from brake_fenicsx.scene.digest import result_digest

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from brake_fenicsx.build.distributions import quantile
-from brake_fenicsx.samples.inputs import points_of
+from brake_fenicsx.samples.random_inputs import points_of
 from brake_fenicsx.samples.sampling import draw_sample, sample_count, sample_seed
 from brake_fenicsx.scene import Distribution, read_scene
 from brake_fenicsx.surface import match_moments

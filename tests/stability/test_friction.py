@@ -17,8 +17,13 @@ from brake_fenicsx.stability.eigensolvers.symmetric import (
     modes_not_counted,
     shifted_factor,
 )
-from brake_fenicsx.stability.full import dense, friction, interface, interface_count
-from brake_fenicsx.stability.full.friction import FRICTIONLESS
+from brake_fenicsx.stability.full import (
+    dense,
+    friction_modes as friction,
+    interface,
+    interface_count,
+)
+from brake_fenicsx.stability.full.friction_modes import FRICTIONLESS
 from brake_fenicsx.stability.full.interface import difference_interface
 from brake_fenicsx.stability.full.interface_count import (
     Determinant,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.stability import ContactLinearisation
-from brake_fenicsx.stability.substructures.line import HELD, Basis
+from brake_fenicsx.stability.substructures.parameter_line import HELD, Basis
 from reduced_samples import K0, ZETA, Sample, offline, scattered
 
 FRICTION = np.r_[0.0, 0.8, np.linspace(0.1, 0.7, 7)]

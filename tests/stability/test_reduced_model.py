@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.condensation import compliance
-from brake_fenicsx.macro.friction import Rotation
+from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.macro.solver import petsc_matrix
 from brake_fenicsx.stability import (
     ContactLinearisation,

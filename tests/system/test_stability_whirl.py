@@ -6,8 +6,8 @@ import scipy.sparse as sp
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import assemble_elastic
-from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material import Material, isotropic
+from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.stability.damping_matrices import gyroscopic

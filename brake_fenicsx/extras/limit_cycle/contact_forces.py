@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.macro.friction import Coefficient, SlidingFriction
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.macro.patch_forces import patch_forces, sliding
+from brake_fenicsx.macro.sliding_friction import Coefficient, SlidingFriction
 
 from .harmonic_balance import Tangent
 

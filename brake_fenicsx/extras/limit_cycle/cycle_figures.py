@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.report.blocks import Block, Table, Text
+from brake_fenicsx.report.page_blocks import Block, Table, Text
 from brake_fenicsx.report.style import CYCLE, GREY, label, light_grid, new_figure
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import kilohertz

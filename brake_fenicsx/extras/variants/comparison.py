@@ -17,10 +17,10 @@ from scipy.spatial import KDTree
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import read_npz, reading
-from brake_fenicsx.report.blocks import Table, Text
+from brake_fenicsx.report.page_blocks import Table, Text
+from brake_fenicsx.results.ensemble_statistics import difference
 from brake_fenicsx.results.families import same_families
 from brake_fenicsx.results.run import RunData, read_run
-from brake_fenicsx.results.statistics import difference
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.results.versions import differences
 

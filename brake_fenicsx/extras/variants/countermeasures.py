@@ -26,10 +26,15 @@ from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.model import Model, prepare
+from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
 from brake_fenicsx.results.run import read_run
-from brake_fenicsx.results.statistics import Proportion, wilson
 from brake_fenicsx.results.tables import Value
-from brake_fenicsx.samples.inputs import check_values, law_factor, law_material, scaled_interfaces
+from brake_fenicsx.samples.random_inputs import (
+    check_values,
+    law_factor,
+    law_material,
+    scaled_interfaces,
+)
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.samples_section import ROUGH, is_constant, split_key

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from brake_fenicsx.report.blocks import Table, Text
+from brake_fenicsx.report.page_blocks import Table, Text
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene.units import quantity_text
 

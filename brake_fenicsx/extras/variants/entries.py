@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.results.ensemble_statistics import wilson
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import least_damped
-from brake_fenicsx.results.statistics import wilson
 from brake_fenicsx.results.tables import Value
 
 from .comparison import Row, compare_runs

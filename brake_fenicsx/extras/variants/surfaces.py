@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.micro.law import LawLibrary, LawSteps
 from brake_fenicsx.micro.support import PRESSURES
-from brake_fenicsx.report.blocks import Block, Picture, Table, Text
 from brake_fenicsx.report.contact_figures import settings_of
+from brake_fenicsx.report.page_blocks import Block, Picture, Table, Text
 from brake_fenicsx.report.style import BLUE, VERMILION, drawn, light_grid, new_figure, panel
 from brake_fenicsx.report.surface_figures import bearing_curves
-from brake_fenicsx.report.surface_section import parameter_rows
+from brake_fenicsx.report.surface_page import parameter_rows
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.tables import Value, text_table
 

@@ -22,12 +22,12 @@ from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.mac import mac
+from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
 from brake_fenicsx.results.families import known_numbers
 from brake_fenicsx.results.family_shapes import FILE as SHAPES
 from brake_fenicsx.results.family_shapes import shapes_at_dofs
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family, squeals
-from brake_fenicsx.results.statistics import Proportion, wilson
 from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.sweeps.state import Points, State, likeness

@@ -46,7 +46,7 @@ from ..eigensolvers.rows import NEAR_ZERO, damped_rows
 from ..eigensolvers.symmetric import SHIFT, count_below
 from ..modes import Complex, Count, Counting, Modes
 from .dense import DENSE, counted_quadratic, dense_quadratic_modes
-from .problem import SplitProblem
+from .eigenproblem import SplitProblem
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from ..eigensolvers.argument_principle import count_zeros, damped_region, undamp
 from ..eigensolvers.eigenpairs import QuadraticPencil
 from ..eigensolvers.symmetric import SHIFT, count_below
 from ..modes import Counting
-from .problem import Found, SplitProblem, agree
+from .eigenproblem import Found, SplitProblem, agree
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

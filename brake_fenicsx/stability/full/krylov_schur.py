@@ -27,7 +27,7 @@ from brake_fenicsx.macro.solver import petsc_matrix
 from ..eigensolvers.argument_principle import RIM, opening
 from ..eigensolvers.eigenpairs import matched
 from ..eigensolvers.symmetric import count_below
-from .problem import Found, SplitProblem
+from .eigenproblem import Found, SplitProblem
 
 Complex = NDArray[np.complex128]
 

@@ -1,9 +1,9 @@
 """Reduced model of a brake from its substructures: component mode synthesis with exact contact."""
 
-from .contact import ContactLinearisation
-from .model import ReducedModel
+from .contact_linearisation import ContactLinearisation
 from .parameters import CONSTANT, Parameters
 from .reach import Shortfall, shortfall
+from .reduced_model import ReducedModel
 from .substructure import Substructure, split_substructures
 
 __all__ = [

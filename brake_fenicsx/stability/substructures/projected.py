@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 from ..eigensolvers.arnoldi import on_parts
 from ..modes import Complex
-from .contact import ContactLinearisation
+from .contact_linearisation import ContactLinearisation
 from .contact_rows import SIGMA
 from .polynomials import Zeros, applied
-from .problem import Quotient, SampleProblem
+from .sample_problem import Quotient, SampleProblem
 from .trial import TrialSpace, UnitContact
 
 if TYPE_CHECKING:
-    from .model import ReducedModel
+    from .reduced_model import ReducedModel
 
 Array = NDArray[np.float64]
 

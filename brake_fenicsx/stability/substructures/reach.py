@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 from brake_fenicsx.folder.log import logger
 
 from ..modes import relative_errors
-from .contact import ContactLinearisation
+from .contact_linearisation import ContactLinearisation
 from .contact_rows import SIGMA
-from .errors import SAFETY
+from .error_estimates import SAFETY
 from .parameters import BETWEEN
 from .sample import Sample
 
 if TYPE_CHECKING:
-    from .model import ReducedModel
+    from .reduced_model import ReducedModel
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -12,9 +12,9 @@ from ..eigensolvers.arnoldi import times
 from ..modes import Complex
 from .block_matrix import Chosen, assembled
 from .component import AtPoint, Placed
-from .contact import ContactForces, ContactLinearisation
+from .contact_linearisation import ContactForces, ContactLinearisation
 from .contact_rows import Rows
-from .problem import Quotient, SampleProblem
+from .sample_problem import Quotient, SampleProblem
 
 Array = NDArray[np.float64]
 

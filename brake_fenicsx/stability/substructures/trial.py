@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..modes import Complex
 
 if TYPE_CHECKING:
-    from .model import ReducedModel
+    from .reduced_model import ReducedModel
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.variants.comparison import compare_runs, write_comparison
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.results.statistics import difference
+from brake_fenicsx.results.ensemble_statistics import difference
 
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[3] / "scripts" / "scenes" / "block_on_plate.toml"

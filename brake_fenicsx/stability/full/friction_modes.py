@@ -20,16 +20,9 @@ from ..eigensolvers.arnoldi import BLOCK, combined, nearest_modes, with_conjugat
 from ..eigensolvers.eigenpairs import matched
 from ..eigensolvers.symmetric import complete, count_below, modes_not_counted, shifted_factor
 from ..modes import Counting
+from .eigenproblem import Found, SplitProblem, agree
 from .interface import MOST_ORDERS, Interface, Inverse, moments, more_moments
-from .interface_count import (
-    Determinant,
-    InterfaceModes,
-    at_interface,
-    below,
-    moments_needed,
-    prove,
-)
-from .problem import Found, SplitProblem, agree
+from .interface_count import Determinant, InterfaceModes, at_interface, below, moments_needed, prove
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

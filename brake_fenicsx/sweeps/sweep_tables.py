@@ -25,8 +25,8 @@ from brake_fenicsx.stability.modes import Complex
 
 from .critical import Critical, critical_values
 from .events import FROM_FIRST, MERGING, ONSET
-from .line import StoredLine
-from .study import SweepStudy, cut_branches
+from .stored_line import StoredLine
+from .sweep_study import SweepStudy, cut_branches
 
 # A mode that begins to squeal takes the number of a family that squeals in the samples, unless it
 # is so much likelier another one, as the decaying mode of the same pair.

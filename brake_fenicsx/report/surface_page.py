@@ -13,9 +13,9 @@ from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.results.run import Arrays, RunData
 from brake_fenicsx.results.tables import Value, write_rows
 
-from .blocks import Block, Section, Table, Text
 from .contact_figures import settings_of
 from .figures import figures
+from .page_blocks import Block, Section, Table, Text
 from .surface_figures import bearing_curves, surface_statistics
 from .verdict import Verdict, warnings_of
 

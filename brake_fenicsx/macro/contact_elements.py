@@ -29,9 +29,9 @@ from brake_fenicsx.meshing.brake_mesh import Mesh
 
 from .elasticity import FreeDofs
 from .faces import gather_face
-from .friction import Motion, slip_frame, tangent_frame
 from .integrals import Integrals, facet_integrals
 from .node_to_surface import node_integrals
+from .sliding_friction import Motion, slip_frame, tangent_frame
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

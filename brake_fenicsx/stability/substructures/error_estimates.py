@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..modes import Complex
 from .polynomials import Zeros
-from .problem import ROUND_OFF, Quotient
+from .sample_problem import ROUND_OFF, Quotient
 
 Array = NDArray[np.float64]
 

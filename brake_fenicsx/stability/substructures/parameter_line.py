@@ -19,17 +19,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
-from .contact import ContactLinearisation
+from .contact_linearisation import ContactLinearisation
 from .contact_rows import SIGMA
-from .errors import Corrected, corrected
+from .error_estimates import Corrected, corrected
 from .polynomials import Zeros
-from .problem import Quotient
 from .projected import Projected
 from .sample import Sample
+from .sample_problem import Quotient
 from .trial import LITTLE, Held, TrialSpace, real_columns
 
 if TYPE_CHECKING:
-    from .model import ReducedModel
+    from .reduced_model import ReducedModel
 
 Array = NDArray[np.float64]
 

@@ -18,15 +18,15 @@ from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.samples.ensemble import run_ensemble
-from brake_fenicsx.samples.inputs import PERFECT
+from brake_fenicsx.samples.random_inputs import PERFECT
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene.samples_section import ROUGH
 from brake_fenicsx.scene.units import several
 
 from .branches import CUT, FIRST, Followed, follow
 from .events import find_events
-from .line import StoredLine, line_arrays
 from .state import Points
+from .stored_line import StoredLine, line_arrays
 
 # Accuracy of an event relative to the range.
 FINE = 1e-4
@@ -100,7 +100,7 @@ class SweepStudy:
 
     def write(self) -> dict[str, Any]:
         """Tables of the lines; collective. Returns figures for the summary."""
-        from .tables import SweepTables
+        from .sweep_tables import SweepTables
 
         known = self.study.families, self.study.squealing
         facts = on_first(lambda: SweepTables(self, *known).write(), self.study.comm)

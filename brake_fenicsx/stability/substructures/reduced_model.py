@@ -28,11 +28,11 @@ from ..eigensolvers.rows import damped_rows, undamped_rows
 from ..modes import Complex, Count, Counting, Modes
 from .block_matrix import BlockMatrix, Chosen, assembled
 from .component import AtPoint, Component, Placed, placed
-from .contact import ContactLinearisation
+from .contact_linearisation import ContactLinearisation
 from .contact_rows import SIGMA, Rows
-from .errors import Corrected, corrected
-from .line import Basis
+from .error_estimates import Corrected, corrected
 from .offline import OfflineBodies
+from .parameter_line import Basis
 from .parameters import CONSTANT, Parameters
 from .reach import higher
 from .sample import Sample
