@@ -19,9 +19,11 @@ from brake_fenicsx.stability.eigensolvers.symmetric import (
 )
 from brake_fenicsx.stability.full import (
     dense,
-    friction_modes as friction,
     interface,
     interface_count,
+)
+from brake_fenicsx.stability.full import (
+    friction_modes as friction,
 )
 from brake_fenicsx.stability.full.friction_modes import FRICTIONLESS
 from brake_fenicsx.stability.full.interface import difference_interface
