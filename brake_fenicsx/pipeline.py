@@ -444,6 +444,10 @@ def report(
             "%s: samples without tables; `run` of the scene, with -o %s, makes them", directory,
             directory,
         )  # fmt: skip
+    elif data.modes is None and "stability" in data.summary.get("in_effect", {}).get("stages", ()):
+        logger.warning(
+            "%s: samples are missing, and the page has no modes; `run` makes them again", directory
+        )
     if data.modes is not None:
         # Line by line: the time stamp of the file would shift the heading alone.
         for line in summary_table(data).splitlines():

@@ -117,7 +117,7 @@ def test_a_report_without_modes_says_so(tmp_path, caplog):
     (tmp_path / "summary.json").write_text(json.dumps(stability))
     with caplog.at_level("WARNING", "brake_fenicsx"):
         pipeline.report(tmp_path)
-    assert "modes.csv is missing" in caplog.text
+    assert "samples are missing, and the page has no modes" in caplog.text
 
 
 def test_check_as_json(capsys):
