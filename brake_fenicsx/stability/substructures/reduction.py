@@ -26,6 +26,7 @@ from .contact_rows import SIGMA, Rows
 from .frequency import Polynomial, imaginary_points, real_points
 from .interpolated import InterpolatedCoefficients
 from .parameters import Parameters
+from .sample_problem import ROUND_OFF
 from .seen_body import SeenBody
 from .substructure import Substructure
 
@@ -229,7 +230,8 @@ class Reduction:
         """
         size = [float(np.linalg.norm(A)) for A in coefficients]
         # W'P(w) is of second degree in w: the first ones may grow.
-        if self._rows.damped and max(size[3:]) > max(size[:3]):
+        # A body whose modes are all kept leaves out round-off alone.
+        if self._rows.damped and max(size[3:]) > max(*size[:3], ROUND_OFF):
             raise InaccurateResult(
                 "damping too large for the frequency expansion of the reduced model up to the end"
                 " of the band"
