@@ -27,9 +27,10 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.schur import InterfaceFactor
+from brake_fenicsx.macro.solver import Factor
 
 from .complement import INDEFINITE, is_symmetric
-from .contact_rows import Rows
+from .contact_rows import SIGMA, Rows
 
 Array = NDArray[np.float64]
 
@@ -71,7 +72,8 @@ class SeenBody:
             columns of the kept modes where these are not coupled.
 
         Raises:
-            InaccurateResult: P has no factor, or is not definite at kappa = -s^2 < 0.
+            InaccurateResult: P has no factor, or is definite neither at kappa = -s^2 < 0 nor at
+                the shift: an eigenvalue in between belongs to a kept mode.
         """
         # P is real for a real s, and an undamped one on the imaginary axis.
         s = s if np.imag(s) else np.real(s)
@@ -83,11 +85,18 @@ class SeenBody:
             return np.zeros((0, self.loads.shape[1]))
         factor = _Factor(P, acting)
         try:
-            if not np.imag(s) and factor.negative_pivots:
+            if not np.imag(s) and factor.negative_pivots and not self._definite():
                 raise InaccurateResult(INDEFINITE)
             return self._seen(P, factor, acting)
         finally:
             factor.destroy()
+
+    def _definite(self) -> bool:
+        """Whether the stiffness and mass are definite at the shift of the reduced model."""
+        factor = Factor((self.K + SIGMA * self.M).tocsr(), "brake_residual_")
+        negative = factor.negative_pivots
+        factor.destroy()
+        return not negative
 
     def _seen(self, P: sp.csr_matrix, factor: _Factor, acting: sp.csr_matrix) -> NDArray[Any]:
         """The same from a factor of P."""
