@@ -117,11 +117,11 @@ def test_laws_are_stored_as_they_finish(tmp_path, monkeypatch):
     solved = []
     law = LawRecipe.law
 
-    def killed(self, seed, number):
+    def killed(self, seed, number, *pressure):
         if len(solved) == 2:
             raise KeyboardInterrupt
         solved.append(number)
-        return law(self, seed, number)
+        return law(self, seed, number, *pressure)
 
     monkeypatch.setattr(LawRecipe, "law", killed)
     with pytest.raises(KeyboardInterrupt):

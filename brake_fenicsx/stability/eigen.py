@@ -35,7 +35,6 @@ from .full.dense import DENSE, small_modes
 from .full.eigenproblem import Found, SplitProblem
 from .full.friction_modes import friction_modes
 from .full.interface import Interface, difference_interface
-from .full.krylov_schur import general_modes
 from .modes import Counting, Modes, counted_rows
 
 
@@ -93,6 +92,8 @@ def complex_modes(
     elif problem.friction is not None:
         found = friction_modes(problem, problem.friction, low, high, zeta_max, comm)
     if found is None:
+        from .full.krylov_schur import general_modes  # SLEPc, which the others do without
+
         found = general_modes(problem, high, zeta_max, 1e-2 * tolerance)
     return _record(problem, found, band, tolerance, zeta_max, start)
 

@@ -320,15 +320,15 @@ def test_the_map_holds_every_mode_or_says_which(drawn):
     good = (run.modes["approach"] != "parametric") | (run.modes["sample"] != 39)
     assert every["shown"] == every["total"] == good.sum()
     data = every["data"]
-    columns = [data[key] for key in "asmfdevgp"]
-    assert {len(column) for column in columns} == {every["total"]}
+    keys = ("approach", "sample", "mode", "frequency", "damping", "error", "verdict", "family")
+    assert {len(data[key]) for key in (*keys, "partner")} == {every["total"]}
     assert data["frequency"][0] == pytest.approx(run.modes["frequency_hz"][0], rel=1e-6)
     unstable = np.array(data["verdict"]) == 1
     assert unstable.sum() == np.sum((run.modes["verdict"] == "unstable") & good)
     few = squeal_map(run, found, "multi-scale", ModePictures(run), most=1000)
     assert few["shown"] <= 1000 < few["total"] and few["data"]["thinned"]
     assert few["selection"].startswith("all squeal modes and one in ")
-    assert np.sum(np.array(few["data"]["v"]) == 1) == unstable.sum()
+    assert np.sum(np.array(few["data"]["verdict"]) == 1) == unstable.sum()
     fewer = squeal_map(run, found, "multi-scale", ModePictures(run), most=100)
     assert fewer["shown"] <= 100 and "one in 4 of the squeal modes" in fewer["selection"]
 
