@@ -28,7 +28,7 @@ LAYERS = ("pad.body", "plate.body")
 
 @cache
 def sample(scene, case):
-    return Sample(scene, case, mu=MU, k=np.full(scene.w.size, "K"))
+    return Sample(scene, case, mu=MU, k=np.full(scene.w.size, STIFFNESS))
 
 
 @cache

@@ -61,7 +61,7 @@ def test_uniform_pressure_passes_sparse(stack):
 
     Catches disc weights of unclipped facets: the pressure then scatters by percents.
     """
-    u = spsolve(stack.tangent(np.full(stack.w.size, "K"), 0.0).tocsc(), stack.f)
+    u = spsolve(stack.tangent(np.full(stack.w.size, STIFFNESS), 0.0).tocsc(), stack.f)
     g = stack.contact.gap(u)
     assert stack.w.size > 10
     np.testing.assert_allclose(-STIFFNESS * g, PRESSURE, rtol=1e-9)
@@ -92,7 +92,7 @@ class ManyLinear:
 def test_uniform_pressure_passes_condensed(stack, per_element):
     """The braking equilibrium: gap = -p / k, the same with one law and with a law per element."""
     n = stack.w.size
-    laws = ManyLinear(np.full(n, "K")) if per_element else OneLaw(linear_law(STIFFNESS))
+    laws = ManyLinear(np.full(n, STIFFNESS)) if per_element else OneLaw(linear_law(STIFFNESS))
     ops = SimpleNamespace(N=stack.N, T=stack.T, w=stack.w, g0=stack.g0, compliance=stack.compliance)
     eq = equilibrium(ops, EnrichedGap(laws, np.arange(n), np.zeros(n)))
     np.testing.assert_allclose(eq.p, PRESSURE, rtol=1e-10)
@@ -116,7 +116,7 @@ def test_gaps_of_different_laws_carry_the_same_pressure(stack):
 
 def test_stress_is_uniform(stack):
     """The stress of the solved field, by its energy in each block: p^2 V / (2 C33)."""
-    u = spsolve(stack.tangent(np.full(stack.w.size, "K"), 0.0).tocsc(), stack.f)
+    u = spsolve(stack.tangent(np.full(stack.w.size, STIFFNESS), 0.0).tocsc(), stack.f)
     area = 12e-3 * 8e-3
     stored = sum(
         PRESSURE**2 * area * height / (2 * stack.materials[f"{name}.body"].C[2, 2])
@@ -131,7 +131,7 @@ def test_stress_is_uniform(stack):
 
 def scatter(stack):
     """Deviation of the mean pressures, area-weighted root mean square, over the pressure."""
-    u = spsolve(stack.tangent(np.full(stack.w.size, "K"), 0.0).tocsc(), stack.f)
+    u = spsolve(stack.tangent(np.full(stack.w.size, STIFFNESS), 0.0).tocsc(), stack.f)
     p = -STIFFNESS * stack.contact.gap(u)
     return np.sqrt(stack.w @ (p / PRESSURE - 1) ** 2 / stack.w.sum())
 
@@ -142,7 +142,7 @@ def test_node_to_surface_fails_and_says_by_how_much(two_blocks):
     errors = []
     for refine in (1.0, 2.0):
         stack = make_stack(two_blocks, refine, discretisation="node")
-        u = spsolve(stack.tangent(np.full(stack.w.size, "K"), 0.0).tocsc(), stack.f)
+        u = spsolve(stack.tangent(np.full(stack.w.size, STIFFNESS), 0.0).tocsc(), stack.f)
         p = -STIFFNESS * stack.contact.gap(u)
         assert stack.w @ p == pytest.approx(PRESSURE * 12e-3 * 8e-3, rel=1e-9)
         errors.append(scatter(stack))
