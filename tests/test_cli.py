@@ -318,13 +318,13 @@ def test_no_pictures(tmp_path, capsys):
 def test_table_of_the_log_stands_under_its_heading(tmp_path, monkeypatch):
     from types import SimpleNamespace
 
-    from brake_fenicsx.report import figures, html, inputs, overview, surface_section
+    from brake_fenicsx.report import figure_inputs, figures, html, overview, surface_page
     from brake_fenicsx.results import answer
     from brake_fenicsx.results import run as results
 
-    for module, name in ((inputs, "contact_maps"), (figures, "make_figures"),
+    for module, name in ((figure_inputs, "contact_maps"), (figures, "make_figures"),
                          (answer, "write_tables"), (html, "write_report"),
-                         (surface_section, "write_surface_tables")):  # fmt: skip
+                         (surface_page, "write_surface_tables")):  # fmt: skip
         monkeypatch.setattr(module, name, lambda *_, **__: None)
     monkeypatch.setattr(results, "read_run", lambda _: SimpleNamespace(modes=1, samples=1))
     monkeypatch.setattr(overview, "summary_table", lambda _: "a  b\n1  2")

@@ -156,7 +156,12 @@ def test_displacement_in_the_reduced_model(tmp_path):
         pressed_column(tmp_path / name, *more, f"stability.method='{name}'")
         for name in ("full", "reduced")
     )
-    assert reduced == pytest.approx(full, rel=1e-6)
+    # The column is symmetric in y but for its mesh: a centre there is measured by half the width.
+    across = {key for key in full if key.startswith("centre_y_mm")}
+    for key, value in full.items():
+        within = 1e-7 * 10.0 if key in across else None
+        assert reduced[key] == pytest.approx(value, rel=1e-7, abs=within), key
+    assert len(across) == 2 and reduced.keys() == full.keys()
     summary = json.loads((tmp_path / "reduced" / "summary.json").read_text())
     assert summary["verification"]["largest_relative_error"] < 1e-5
     assert summary["verification"]["eigenvalues"] > 3

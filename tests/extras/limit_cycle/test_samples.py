@@ -67,7 +67,7 @@ def cycle_and_steps(scene, k, share, seconds, start):
     """
     study, sample, eq, modes, mode = squealing(scene, k, share)
     settings = Settings(9, 64, 20e-6)
-    cycles = study.cycles.sample(sample, eq)
+    cycles = study.beside["limit cycles"].sample(sample, eq)
     problem = cycles.problem(settings)
     branch = cycles.branch(problem, modes.s[mode], modes.right[:, mode], settings.largest)
     # The branch begins at the linear mode.
@@ -110,7 +110,7 @@ def test_a_branch_through_resonances_of_higher_harmonics(size, k, share):
     """Little damping: harmonics meet modes on the way, and the branch turns; it is not lost."""
     scene = BLOCK[0], [*BLOCK[1], f"parts.block.size='{size}'"], np.inf
     study, sample, eq, modes, mode = squealing(scene, k, share)
-    cycles, settings = study.cycles.sample(sample, eq), Settings(5, 32, 20e-6)
+    cycles, settings = study.beside["limit cycles"].sample(sample, eq), Settings(5, 32, 20e-6)
     problem = cycles.problem(settings)
     branch = cycles.branch(problem, modes.s[mode], modes.right[:, mode], settings.largest)
     assert branch.cycles[0].kind == STABLE
