@@ -209,7 +209,8 @@ class LawLibrary:
         steps, reach = [self[i].steps for i in range(len(self))], self.reach.copy()
         for i in short:
             steps[i], reach[i] = self.longer(int(self.seed[i]), float(wanted[i]))
-        made = make_library(steps, self.seed.tolist(), self.settings, reach.tolist())
+        seeds, ends = [int(s) for s in self.seed], [float(p) for p in reach]
+        made = make_library(steps, seeds, self.settings, ends)
         return replace(made, longer=self.longer)
 
     def highest(self, index: Index) -> Array:

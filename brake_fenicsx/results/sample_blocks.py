@@ -119,7 +119,8 @@ def founders_of(store: Store, tasks: Sequence[Task]) -> ModeFamilies:
     """Families of the first samples of every approach, those kept in the folder if they are."""
     made, known = ModeFamilies(), store.load(FOUNDERS)
     if known is not None:
-        made.vectors, made.frequencies = [*known["vectors"]], known["frequencies"].tolist()
+        made.vectors = [*known["vectors"]]
+        made.frequencies = [float(f) for f in known["frequencies"]]
         return made
     for task in tasks:
         data = store.samples.load(task) if task[1] < FOUNDING else None

@@ -113,7 +113,9 @@ def assembled(
     own = np.zeros((max(len(views[0].modal), count if coupled else 0), size, size))
     lead = np.zeros((last, size, g * acting.count))
     source = np.zeros((last, f * followed.count, size))
-    D = [np.zeros((f * followed.count, g * acting.count), A.dtype) for A in views[0].D]
+    D: list[NDArray[Any]] = [
+        np.zeros((f * followed.count, g * acting.count), A.dtype) for A in views[0].D
+    ]
     loads = bodies[0].component.loads.shape[0]
     load, push = np.zeros((last, size, loads)), np.zeros((count, f * followed.count, loads))
     for number, (body, view) in enumerate(zip(bodies, views, strict=True)):

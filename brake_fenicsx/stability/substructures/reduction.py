@@ -104,7 +104,7 @@ class Reduction:
         self._MW = np.asarray(M @ self._W)
         # Of an undamped body the coefficients in powers of lambda are those in powers of kappa.
         count = len(degrees) // 2 if rows.damped else len(degrees)
-        kappa = modes.kappa / omega**2
+        kappa: Array = np.asarray(modes.kappa / omega**2, dtype=float)
         self._real = real_points(count, kappa)
         points = imaginary_points(count, kappa) if rows.damped else self._real
         self._points = points
@@ -132,7 +132,8 @@ class Reduction:
                 it is damped too strongly for polynomials in the frequency.
         """
         body, W, comm = self._body, self._W, self._comm
-        missing, largest = np.zeros(0), 0.0
+        missing: Array = np.zeros(0)
+        largest = 0.0
         for i in self._coefficients.order:
             values = self._values(i, progress)
             if comm.rank > 0:
