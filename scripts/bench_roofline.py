@@ -30,7 +30,7 @@ import scipy.linalg as la
 from brake_fenicsx.macro import solver
 from brake_fenicsx.micro import halfspace
 from brake_fenicsx.stability.substructures import sample as online
-from brake_fenicsx.stability.substructures.block_matrix import Blocks
+from brake_fenicsx.stability.substructures.block_matrix import BlockMatrix
 from brake_fenicsx.stability.substructures.sample_problem import Quotient
 
 SCENE = Path(__file__).parent / "scenes" / "disc_brake.toml"
@@ -146,7 +146,7 @@ def count_samples() -> None:
     def square(self: online.Sample) -> float:
         return float(len(self.rows.followed) * self.closed.count) ** 2
 
-    def assembly(b: Blocks, *args: Any) -> tuple[str, str, float, float]:
+    def assembly(b: BlockMatrix, *args: Any) -> tuple[str, str, float, float]:
         # Each value is read once in single precision, and written in double.
         return "samples", "assembly of D", 0.0, 12.0 * sum(A.size for A in b.D)
 
