@@ -130,6 +130,8 @@ class InterfaceFactor(Factor):
             return
         v = np.random.default_rng(0).standard_normal((B.shape[0], 1))
         load = B.T @ v
+        if not np.any(load):  # rows of displacements that are held
+            return
         x = self.solve(load)
         rest = np.linalg.norm(P @ x - load) / np.linalg.norm(load)
         seen = B @ x

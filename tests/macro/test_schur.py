@@ -54,6 +54,13 @@ def test_no_row():
     np.testing.assert_allclose(P @ factor.solve(b), b, atol=1e-10)
 
 
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_rows_of_held_displacements_alone(symmetric):
+    """A contact face that is clamped: nothing yields, and no relative error is taken of nothing."""
+    P, B = system(symmetric)
+    assert not InterfaceFactor(P, 0 * B).flexibility.any()
+
+
 @pytest.mark.parametrize("where", ["flexibility", "solve"])
 def test_a_wrong_factor_is_refused(where, monkeypatch):
     """One entry of the flexibility, or all solutions, wrong: said, and no number returned."""
