@@ -3,7 +3,7 @@
 A process holds 0.25 GB, and 9 kB n with factors of the bodies one by one, 10 kB n more to solve at
 full order, 19 kB n more with damping there; pictures take 0.3 GB, when the samples are done. All
 processes of a machine share 150 B m^2 + 3 kB n of a reduced model, 350 B m^2 more with damping, and
-where d moduli are random or swept the moments at the points of an interpolation, 15 B m^2
+where d moduli are random or swept the values at the points of an interpolation, 15 B m^2
 C(d + 4, 4). A process of run --share holds beside that what a sample needs. Peaks of shipped brakes
 lie within a factor of 1.5 of these figures.
 

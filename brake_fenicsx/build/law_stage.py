@@ -75,8 +75,11 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
         raise SceneError(f"{scene.file}: micro: the section is missing")
     path = this.store.path("laws.npz")
     wanted = wanted_pressure(this)
-    key = {**laws_key(scene), "pressure": wanted}
-    with this.stage("micro"), this.cache.shared("laws.npz", lambda: key, comm):
+
+    def key() -> dict[str, Any]:
+        return {**laws_key(scene), "pressure": wanted}
+
+    with this.stage("micro"), this.cache.shared("laws.npz", key, comm):
         if not comm.bcast(path.exists(), root=0):
             recipe, number = law_recipe(scene, stats), micro.laws
             if recipe is None:
@@ -95,7 +98,7 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
                     "laws up to %.3g MPa, at least %.3g times the mean pressure of the contact; a"
                     " sample that needs more makes its laws longer", wanted / 1e6, TIMES,
                 )  # fmt: skip
-            pieces, again = _Pieces(this, key), support_draws(micro, recipe, stats)
+            pieces, again = _Pieces(this, key()), support_draws(micro, recipe, stats)
             what = "laws and scans drawn anew" if again else "laws"
             counts = (len(range(comm.rank, n, comm.size)) for n in (number, again))
             whose = " of the first process" * (comm.size > 1)
