@@ -136,14 +136,15 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
 def wanted_pressure(this: Run) -> float:
     """Mean pressure up to which laws are made at first [Pa]; infinite for whole laws.
 
-    Whole ones where the scene names their highest pressure or has no brake. Brakes of about one
-    load have one pressure, and so one library: a power of two [MPa].
+    Whole ones where the scene names their highest pressure, has no brake, or lets patches vibrate
+    beside its samples (limit cycles). Brakes of about one load have one pressure, and so one
+    library: a power of two [MPa].
     """
     pressed, area = this.facts.get("pressed_N"), this.facts.get("face_area_mm2")
     micro = this.scene.micro
     if not pressed or not area or micro is None or micro.max_pressure is not None:
         return inf
-    if beside_samples(this.scene):  # patches that vibrate pass any pressure of rest
+    if beside_samples(this.scene):  # a vibrating patch passes any pressure of the equilibrium
         return inf
     mean = 1e6 * float(pressed) / float(area)
     return LEAST * 2.0 ** max(0, ceil(log2(TIMES * mean / LEAST)))
