@@ -184,6 +184,14 @@ class TwoBlocks:
             )
         return self._compliance
 
+    def enriched(self, law, g_cr=0.0):
+        """One law on all contact elements, and their critical gaps [m]."""
+        from brake_fenicsx.macro import EnrichedGap
+        from brake_fenicsx.micro import OneLaw
+
+        n = self.w.size
+        return EnrichedGap(OneLaw(law), np.zeros(n, int), np.broadcast_to(g_cr, n))
+
     def tangent(self, k, mu):
         """K + (N + mu T)' W k N as a SciPy matrix."""
         import scipy.sparse as sp

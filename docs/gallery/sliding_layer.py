@@ -8,7 +8,7 @@
 # ![Growth rates of the waves over the friction coefficient](sliding_layer.png)
 #
 # With p^2 = k^2 + lambda^2 / c_1^2 and q^2 = k^2 + lambda^2 / c_2^2 (pressure and shear waves)
-# the relation is a determinant of order three, derived in `tests/system/test_stability_layer.py`.
+# the relation is a determinant of order three, derived in `tests/sliding_layer.py`.
 # Its roots kappa = -lambda^2 are followed from mu = 0, where they are real, by Newton's method.
 
 # +

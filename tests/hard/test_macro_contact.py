@@ -1,7 +1,5 @@
 """Hard cases of the braking equilibrium: each gives a correct result or an error message."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
@@ -11,36 +9,15 @@ from brake_fenicsx.errors import InaccurateResult, NotConverged, Separated
 from brake_fenicsx.macro import EnrichedGap, displacement
 from brake_fenicsx.macro.condensation import compliance
 from brake_fenicsx.macro.equilibrium import equilibrium
-from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
+from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.micro import exponential_law, linear_law
 from coarse_block import BLOCK, ROUGH
+from contact_alone import ManyLinear
 
 pytestmark = pytest.mark.hard
 
 AREA = 12e-3 * 8e-3
-
-
-class ManyLinear:
-    """A linear law of its own for every element."""
-
-    def __init__(self, k):
-        self.k = np.asarray(k)
-
-    def __len__(self):
-        return self.k.size
-
-    def first_touch(self, index):
-        return np.zeros(np.shape(index))
-
-    def loading(self, index, d):
-        return self.k[index] * np.maximum(-d, 0), np.where(d < 0, self.k[index], 0.0)
-
-    def vibration(self, index, d):
-        return self.loading(index, d)[1], np.zeros(np.shape(index))
-
-
-def operators(scene):
-    return SimpleNamespace(N=scene.N, T=scene.T, w=scene.w, g0=scene.g0,
-                           compliance=scene.compliance)  # fmt: skip
+LINEAR, SOFT, WIDE = linear_law(1e12), exponential_law(1e5, 1e-6), exponential_law(1e5, 2e-6)
 
 
 def full_residual(scene, laws, eq):
@@ -49,7 +26,7 @@ def full_residual(scene, laws, eq):
     With the pressures of the result: those of gaps read off u again carry the round-off of u times
     the stiffness of the law.
     """
-    u = displacement(operators(scene), eq, scene.f)
+    u = displacement(scene, eq, scene.f)
     g = scene.contact.gap(u)
     np.testing.assert_allclose(g, eq.g, atol=1e-9 * np.abs(u).max())
     np.testing.assert_array_equal(eq.p, laws.pressure(eq.g))
@@ -57,24 +34,15 @@ def full_residual(scene, laws, eq):
     return np.linalg.norm(scene.K @ u - pushed - scene.f) / np.linalg.norm(scene.f)
 
 
-@pytest.mark.parametrize("mu", [0.0, 0.5])
-@pytest.mark.parametrize("law", [linear_law(1e12), exponential_law(1e5, 1e-6)])
-def test_pulled_apart(two_blocks, law, mu):
-    """A load away from the plate has no equilibrium: error message."""
-    scene = two_blocks("guided", pressure=-1e5)
-    laws = EnrichedGap(OneLaw(law), np.zeros(scene.w.size, int), np.zeros(scene.w.size))
+@pytest.mark.parametrize(
+    ("pressure", "law", "mu"),
+    [(-1e5, law, mu) for law in (LINEAR, SOFT) for mu in (0.0, 0.5)] + [(0.0, LINEAR, 0.0)],
+)
+def test_pulled_apart_or_not_loaded(two_blocks, pressure, law, mu):
+    """A load away from the plate, or none, has no equilibrium: error message."""
+    scene = two_blocks("guided", pressure=pressure)
     with pytest.raises(Separated):
-        equilibrium(operators(scene), laws, mu)
-
-
-def test_no_load_at_all(two_blocks):
-    """Without a load, no contact element is closed."""
-    scene = two_blocks("guided", pressure=0.0)
-    laws = EnrichedGap(
-        OneLaw(linear_law(1e12)), np.zeros(scene.w.size, int), np.zeros(scene.w.size)
-    )
-    with pytest.raises(Separated):
-        equilibrium(operators(scene), laws)
+        equilibrium(scene, scene.enriched(law), mu)
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.5])
@@ -85,8 +53,8 @@ def test_one_closed_patch(two_blocks, mu):
     one = int(np.argmin(np.linalg.norm(scene.contact.points, axis=1)))
     g_cr = np.full(n, -1e-3)
     g_cr[one] = 0.0
-    laws = EnrichedGap(OneLaw(linear_law(1e13)), np.zeros(n, int), g_cr)
-    eq = equilibrium(operators(scene), laws, mu)
+    laws = scene.enriched(linear_law(1e13), g_cr)
+    eq = equilibrium(scene, laws, mu)
     wanted = np.zeros(n)
     wanted[one] = 1e4 * AREA / scene.w[one]
     if mu == 0.0:
@@ -107,7 +75,7 @@ def test_one_law_a_million_times_stiffer(two_blocks, mu):
     # Together the soft ones carry the load at the gap at which the stiff one touches.
     g_cr = np.where(k > 1e10, 0.0, 50e-6)
     laws = EnrichedGap(ManyLinear(k), np.arange(n), g_cr)
-    eq = equilibrium(operators(scene), laws, mu, tolerance=1e-9)
+    eq = equilibrium(scene, laws, mu, tolerance=1e-9)
     is_open = eq.p == 0
     assert is_open.sum() < n / 2
     k[is_open] = 0.0
@@ -126,9 +94,8 @@ def test_one_law_a_million_times_stiffer(two_blocks, mu):
 def test_law_from_a_thousandth_to_a_million_of_the_bulk(two_blocks, ratio):
     """Law stiffness relative to E / height, about 3e11 Pa/m: the loads balance in all cases."""
     scene = two_blocks("guided")
-    n = scene.w.size
-    laws = EnrichedGap(OneLaw(linear_law(3e11 * ratio)), np.zeros(n, int), np.zeros(n))
-    eq = equilibrium(operators(scene), laws, 0.3)
+    laws = scene.enriched(linear_law(3e11 * ratio))
+    eq = equilibrium(scene, laws, 0.3)
     assert scene.w @ eq.p == pytest.approx(5e5 * AREA, rel=1e-7)
     assert full_residual(scene, laws, eq) < 1e-6
 
@@ -141,11 +108,9 @@ def test_stiff_penalty_where_the_block_lifts(two_blocks, penalty, steps):
     Springs that hold open elements on the way must not be stiffer than the block.
     """
     scene = two_blocks("guided", direction=(1.0, 0.0, 0.0))
-    n = scene.w.size
-    laws = EnrichedGap(OneLaw(linear_law(penalty)), np.zeros(n, int), np.zeros(n))
-    eq = equilibrium(operators(scene), laws, 0.7, steps=steps)
+    eq = equilibrium(scene, scene.enriched(linear_law(penalty)), 0.7, steps=steps)
     closed = eq.p > 0
-    assert 0.3 * n < closed.sum() < 0.7 * n
+    assert 0.3 < closed.mean() < 0.7
     g = scene.N @ spsolve(scene.tangent(penalty * closed, 0.7).tocsc(), scene.f)
     assert np.array_equal(g < 0, closed)
     np.testing.assert_allclose(eq.p[closed], -penalty * g[closed], rtol=1e-4)
@@ -155,46 +120,32 @@ def test_stiff_penalty_where_the_block_lifts(two_blocks, penalty, steps):
 def test_critical_gaps_beyond_any_closure(two_blocks):
     """A third of the elements cannot touch: the other elements carry the load."""
     scene = two_blocks("guided")
-    n = scene.w.size
-    g_cr = np.zeros(n)
+    g_cr = np.zeros(scene.w.size)
     g_cr[::3] = -10e-3
-    laws = EnrichedGap(OneLaw(linear_law(1e12)), np.zeros(n, int), g_cr)
-    eq = equilibrium(operators(scene), laws, 0.4)
+    laws = scene.enriched(LINEAR, g_cr)
+    eq = equilibrium(scene, laws, 0.4)
     assert np.all(eq.p[::3] == 0) and np.all(eq.k[::3] == 0)
     assert scene.w @ eq.p == pytest.approx(5e5 * AREA, rel=1e-9)
     assert full_residual(scene, laws, eq) < 1e-8
 
 
-@pytest.mark.parametrize("scatter", [33e-6, 330e-6])
 @pytest.mark.parametrize("mu", [0.0, 0.5, 0.8])
-@pytest.mark.parametrize("seed", range(3))
-def test_critical_gaps_far_wider_than_the_elastic_closure(two_blocks, scatter, mu, seed):
+@pytest.mark.parametrize(
+    ("law", "scatter", "seeds"), [(WIDE, 33e-6, 3), (WIDE, 330e-6, 3), (LINEAR, 3e-3, 25)]
+)
+def test_critical_gaps_far_wider_than_the_elastic_closure(two_blocks, law, scatter, seeds, mu):
     """Few patches carry the load, depending on the tilt of the free pad; one load step.
 
-    Catches a start from which Newton's step flings the pad away (singular tangent, overflow).
+    Catches a start from which Newton's step flings the pad away (singular tangent, overflow), and
+    springs of open elements that are taken away too early.
     """
     scene = two_blocks("guided")
-    n = scene.w.size
-    g_cr = np.random.default_rng(seed).normal(0, scatter, n)
-    laws = EnrichedGap(OneLaw(exponential_law(1e5, 2e-6)), np.zeros(n, int), g_cr)
-    eq = equilibrium(operators(scene), laws, mu)
-    assert scene.w @ eq.p == pytest.approx(5e5 * AREA, rel=1e-8)
-    assert full_residual(scene, laws, eq) < 1e-7
-
-
-@pytest.mark.parametrize("mu", [0.0, 0.5, 0.8])
-def test_penalty_and_critical_gaps_of_millimetres(two_blocks, mu):
-    """Only a few elements carry the load; the start has nearly all open: 25 seeds.
-
-    Springs that hold the open elements must not be taken away too early.
-    """
-    scene = two_blocks("guided")
-    n = scene.w.size
-    for seed in range(25):
-        g_cr = np.random.default_rng(seed).normal(0, 3e-3, n)
-        laws = EnrichedGap(OneLaw(linear_law(1e12)), np.zeros(n, int), g_cr)
-        eq = equilibrium(operators(scene), laws, mu)
+    for seed in range(seeds):
+        g_cr = np.random.default_rng(seed).normal(0, scatter, scene.w.size)
+        laws = scene.enriched(law, g_cr)
+        eq = equilibrium(scene, laws, mu)
         assert scene.w @ eq.p == pytest.approx(5e5 * AREA, rel=1e-8)
+        assert full_residual(scene, laws, eq) < 1e-7
 
 
 def test_friction_that_tips_the_block_over(two_blocks):
@@ -203,13 +154,12 @@ def test_friction_that_tips_the_block_over(two_blocks):
     Moments: the centre of pressure lies mu x 6 mm behind the middle, and the block ends there.
     """
     scene = two_blocks("guided", direction=(1.0, 0.0, 0.0))
-    n = scene.w.size
-    laws = EnrichedGap(OneLaw(exponential_law(1e5, 2e-6)), np.zeros(n, int), np.zeros(n))
-    eq = equilibrium(operators(scene), laws, 0.75, steps=4)
+    laws = scene.enriched(WIDE)
+    eq = equilibrium(scene, laws, 0.75, steps=4)
     centre = scene.w * eq.p @ scene.contact.points[:, 0] / (scene.w @ eq.p)
     assert centre == pytest.approx(-0.75 * 6e-3, rel=0.02)
     with pytest.raises(NotConverged):
-        equilibrium(operators(scene), laws, 1.1, steps=4)
+        equilibrium(scene, laws, 1.1, steps=4)
 
 
 def test_friction_beyond_tipping_from_an_equilibrium_nearby():
@@ -227,16 +177,14 @@ def test_friction_beyond_tipping_from_an_equilibrium_nearby():
         eq, _ = model.study.solved(("classical", 0), {key: mu}, near.g)
         force = brake.w * eq.p
         assert force @ brake.points[:, 0] / force.sum() == pytest.approx(-20e-3 * mu, rel=1e-9)
-    for mu in (0.85, 0.9, 0.93, 0.95, 1.0, 1.03, 1.07, 1.1, 1.15, 1.2, 1.3):
+    for mu in (0.85, 0.95, 1.07, 1.3):
         with pytest.raises(NotConverged, match="tips"):
             model.study.solved(("classical", 0), {key: mu}, near.g)
 
 
-def test_pad_that_rests_by_contact_alone(two_blocks, comm):
+def test_pad_that_rests_by_contact_alone(two_blocks):
     """K is singular; the matrix with contact springs can be factored."""
     scene = two_blocks("guided")
-    from brake_fenicsx.macro.solver import Factor
-
     with pytest.raises(InaccurateResult, match="a part can move freely"):
         Factor(scene.elastic.K)
     assert np.all(np.linalg.eigvalsh(scene.compliance.NN) > -1e-20)
@@ -254,10 +202,8 @@ def test_initial_gap_is_closed_by_the_ramp(two_blocks):
     plate = ("length", 20e-3), ("width", 14e-3), ("height", 6e-3), ("z", -6e-3), ("size", 7e-3)
     pad = ("length", 12e-3), ("width", 8e-3), ("height", 6e-3), ("size", 4e-3)
     scene, touching = (two_blocks("guided", pad=(*pad, ("z", z)), plate=plate) for z in (1e-3, 0.0))
-    n = scene.w.size
-    laws = EnrichedGap(OneLaw(linear_law(1e12)), np.zeros(n, int), np.zeros(n))
-    eq = equilibrium(operators(scene), laws, 0.3)
-    closed = equilibrium(operators(touching), laws, 0.3)
+    eq = equilibrium(scene, scene.enriched(LINEAR), 0.3)
+    closed = equilibrium(touching, touching.enriched(LINEAR), 0.3)
     np.testing.assert_allclose(scene.g0, 1e-3)
     np.testing.assert_allclose(eq.p, closed.p, rtol=1e-3)
     assert scene.w @ eq.p == pytest.approx(5e5 * AREA, rel=1e-8)

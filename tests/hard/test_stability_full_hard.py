@@ -1,6 +1,5 @@
 """Hard cases of the full order: each gives a correct result or an error message."""
 
-import importlib.util
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +8,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+import sliding_layer as layer
 from brake_fenicsx import prepare
 from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.stability import complex_modes, contact_interface
@@ -192,18 +192,8 @@ def test_massless_contact_dofs(n, alpha):
     np.testing.assert_allclose(m.s, expected, rtol=1e-9)
 
 
-@pytest.fixture(scope="module")
-def layer():
-    """The sliding layer of the system tests."""
-    file = Path(__file__).parents[1] / "system" / "test_stability_layer.py"
-    spec = importlib.util.spec_from_file_location("layer", file)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.parametrize("nu", [0.49, 0.499])
-def test_nearly_incompressible_layer(layer, nu):
+def test_nearly_incompressible_layer(nu):
     """Exact dispersion relation of a sliding layer with a nearly incompressible lining."""
     exact = layer.in_band(layer.lambdas(layer.exact_modes(1.5 / layer.H, nu, 0.4)))
     m = layer.solved(*layer.constrained(layer.Layer(1.5 / layer.H, nu, 0.4), 16))
@@ -213,7 +203,7 @@ def test_nearly_incompressible_layer(layer, nu):
 
 
 @pytest.mark.parametrize("mu", [0.3, 0.8, 1.5])
-def test_fine_sliding_layer_of_strong_friction(layer, mu):
+def test_fine_sliding_layer_of_strong_friction(mu):
     """A fine layer, friction up to 1.5: all modes of its dispersion relation, a proven count."""
     k, nu = 1.5 / layer.H, 0.3
     exact = layer.in_band(layer.lambdas(layer.exact_modes(k, nu, mu)))

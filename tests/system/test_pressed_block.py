@@ -1,15 +1,13 @@
 """A block pressed on a plate: converged reference, limit of a stiff penalty."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from brake_fenicsx.macro import EnrichedGap, displacement
+from brake_fenicsx.macro import displacement
 from brake_fenicsx.macro.equilibrium import equilibrium
-from brake_fenicsx.micro import OneLaw, exponential_law
+from brake_fenicsx.micro import exponential_law
 
 LAW = exponential_law(5e5, 2e-6)
 SIDES = (12e-3, 8e-3)
@@ -21,18 +19,14 @@ def pressed(two_blocks, size, mu, **changes):
     plate = (("length", 20e-3), ("width", 14e-3), ("height", 6e-3), ("z", -6e-3),
              ("size", 1.4 * size))  # fmt: skip
     scene = two_blocks("guided", pad=pad, plate=plate, direction=(1.0, 0.0, 0.0), **changes)
-    n = scene.w.size
-    laws = EnrichedGap(OneLaw(LAW), np.zeros(n, int), np.zeros(n))
-    ops = SimpleNamespace(w=scene.w, g0=scene.g0, compliance=scene.compliance)
-    return scene, equilibrium(ops, laws, mu, tolerance=1e-12)
+    return scene, equilibrium(scene, scene.enriched(LAW), mu, tolerance=1e-12)
 
 
 def answers(scene, eq):
     """Tilt of the pressure over the length, and mean way of the load [m]."""
     load = scene.w @ eq.p
     tilt = scene.w @ (eq.p * scene.contact.points[:, 0]) / load / SIDES[0]
-    ops = SimpleNamespace(N=scene.N, T=scene.T, w=scene.w, g0=scene.g0, compliance=scene.compliance)
-    sinks = scene.f @ displacement(ops, eq, scene.f) / load
+    sinks = scene.f @ displacement(scene, eq, scene.f) / load
     return tilt, sinks
 
 

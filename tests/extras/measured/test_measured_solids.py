@@ -9,7 +9,7 @@ import pytest
 from brake_fenicsx.build.material_table import stiffness
 from brake_fenicsx.extras.measured.part_modes import part_modes
 from brake_fenicsx.scene import read_scene
-from rayleigh_ritz import box_frequencies
+from ritz import box_frequencies
 
 ROOT = Path(__file__).parents[3]
 SCENES = ROOT / "scripts" / "scenes" / "measured"
@@ -28,7 +28,7 @@ def reference(name, lengths, degree):
     return box_frequencies(lengths, stiffness(table), table.rho, degree)
 
 
-def test_rayleigh_ritz_has_the_shear_modes_of_an_isotropic_cube():
+def test_ritz_has_the_shear_modes_of_an_isotropic_cube():
     """Lowest mode of a cube of side L: equivoluminal (Lame), f = sqrt(G / (2 rho)) / L, exact."""
     E, nu, rho, side = 70e9, 0.3, 2700.0, 0.01
     G = E / (2 * (1 + nu))
@@ -59,7 +59,7 @@ def test_first_modes_of_a_box(name, lengths, size, tolerance):
 
 
 @pytest.mark.slow
-def test_all_modes_of_the_aluminium_box_are_those_of_rayleigh_ritz():
+def test_all_modes_of_the_aluminium_box_are_those_of_ritz():
     _, computed, _ = script().compared("aluminium_box")
     exact = reference("aluminium_box", ALUMINIUM, 16)[:42]
     assert np.abs(computed[:42] / exact - 1).max() < 1e-4
