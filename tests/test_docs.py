@@ -28,7 +28,7 @@ def test_every_page_is_on_the_site_and_in_its_search(site):
     assert pages == set(json.loads(found[found.index("{") : found.rindex("}") + 1])["docnames"])
 
 
-def test_pages_load_nothing_from_a_network(site):
+def test_pages_on_the_site_load_nothing_from_a_network(site):
     loaded = re.compile(r'<(?:script|link|img)[^>]*(?:src|href)="(?:https?:)?//[^"]*"')
     for page in site.rglob("*.html"):
         assert not loaded.findall(page.read_text()), page.name
@@ -39,7 +39,7 @@ def test_the_schema_of_a_scene_is_on_the_site(site):
     assert "stability" in json.loads((site / "scene.schema.json").read_text())["properties"]
 
 
-def test_the_interface_has_every_public_function(site):
+def test_every_public_function_is_on_the_site(site):
     """Autodoc writes an anchor for each; a name that moved would leave none."""
     page = "".join(path.read_text() for path in (site / "api").glob("*.html"))
     names = ["run", "assemble", "prepare", "sample", "sweep", "scene.read_scene"]

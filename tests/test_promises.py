@@ -218,6 +218,21 @@ def test_a_nightly_run_leaves_the_commit_and_date_of_each_row(rows, tmp_path):
     assert "2 of 2" in printed and "| two |" in printed
 
 
+def test_rows_of_one_process_run_beside_those_of_several(rows, tmp_path):
+    """Each waits for the other."""
+    wait = "touch {0}/{1}; until [ -e {0}/{2} ]; do sleep 0.05; done"
+    table = f"""
+    [one]
+    when = "ci"
+    sh = "{wait.format(tmp_path, "a", "b")}; true"
+    [two]
+    when = "ci"
+    sh = "{wait.format(tmp_path, "b", "a")}  # scripts/launch 2"
+    """
+    status, printed = rows(table, "ci", "--beside")
+    assert status == 0 and "2 of 2" in printed
+
+
 def test_results_that_are_there_are_judged_and_not_made(rows, tmp_path):
     table = '[a]\nwhen = "ci"\nsh = "exit 3"\nfiles = ["there"]\n'
     assert rows(table, "ci", "--made", "a")[0] == 1
