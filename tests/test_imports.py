@@ -4,12 +4,12 @@ import ast
 import subprocess
 import sys
 from collections import Counter
-from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "brake_fenicsx"
-BLOCK = PACKAGE.parent / "scripts" / "scenes" / "block_on_plate.toml"
+from source_tree import ROOT, imports, sources, tree
+
+BLOCK = ROOT / "scripts" / "scenes" / "block_on_plate.toml"
 ORDER = (
     "folder",
     "scene",
@@ -33,110 +33,55 @@ BELOW = {
 }
 
 
-def imported(file, tree=None):
-    """Paths below the package that a module imports, or part of it; names in them included."""
-    package = file.relative_to(PACKAGE).parts[:-1]
-    for node in ast.walk(tree or ast.parse(file.read_text())):
-        if isinstance(node, ast.ImportFrom):
-            module = tuple(node.module.split(".")) if node.module else ()
-            if node.level:
-                base = (*package[: len(package) + 1 - node.level], *module)
-            elif module[0] == PACKAGE.name:
-                base = module[1:]
-            else:
-                continue
-            yield from ((*base, alias.name) for alias in node.names)
-        elif isinstance(node, ast.Import):
-            for alias in node.names:
-                path = alias.name.split(".")
-                if path[0] == PACKAGE.name:
-                    yield tuple(path[1:])
+def folders(name):
+    """Folder and, within it, module or folder of all that a module of the package imports."""
+    return {tuple(m.split(".")[1:3]) for m in imports(name) if "." in m}
+
+
+def modules(*above):
+    """Modules below a folder."""
+    found = [n for n in sources() if n.split(".")[1 : 1 + len(above)] == [*above]]
+    assert len(found) > 3
+    return found
 
 
 @pytest.mark.parametrize("folder", ORDER)
 def test_folders_import_those_before_them(folder):
-    files = sorted((PACKAGE / folder).rglob("*.py"))
-    assert len(files) > 3
     later = {*ORDER[ORDER.index(folder) + 1 :]}
-    found = {(str(f.relative_to(PACKAGE)), p[0]) for f in files for p in imported(f) if p}
-    assert not {(file, name) for file, name in found if name in later}
+    found = {(name, path[0]) for name in modules(folder) for path in folders(name)}
+    assert not {(name, other) for name, other in found if other in later}
 
 
 def test_the_core_imports_no_extra():
-    core = [file for file in sources() if file.relative_to(PACKAGE).parts[0] != "extras"]
+    core = [name for name in sources() if name.split(".")[1:2] != ["extras"]]
     assert len(core) > 200
-    assert not {str(file) for file in core for path in imported(file) if path[:1] == ("extras",)}
-
-
-def sources():
-    """Modules of the package; geometry is a link to a folder beside it."""
-    return [*PACKAGE.rglob("*.py"), *(PACKAGE / "geometry").glob("*.py")]
-
-
-def statements(tree, types):
-    """Imports that run when a module is imported, and those for annotations if asked for."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            yield node
-        elif isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            yield from statements(node, types) if types else ()
-        elif not isinstance(node, ast.FunctionDef):
-            yield from statements(node, types)
-
-
-def graph(types):
-    """Module -> modules of the package that it imports; the package's own names load lazily."""
-    paths = {file.relative_to(PACKAGE).with_suffix("").parts: file for file in sources()}
-    modules = {path[:-1] if path[-1] == "__init__" else path: file for path, file in paths.items()}
-    modules.pop(())
-    out = {}
-    for module, file in modules.items():
-        tree = ast.Module([*statements(ast.parse(file.read_text()), types)], [])
-        found = [p if p in modules else p[:-1] for p in imported(file, tree)]
-        out[module] = {p for p in found if p in modules} - {module}
-    return out
-
-
-@pytest.mark.parametrize("types", [False, True])
-def test_no_module_imports_itself_through_others(types):
-    """Neither when it is imported nor, with the imports of its annotations, for a type checker."""
-    left = graph(types)
-    assert len(left) > 200 and sum(map(len, left.values())) > 700
-    while ready := [module for module, needs in left.items() if not needs & {*left}]:
-        for module in ready:
-            del left[module]
-    # What only leads to a circle is none of it.
-    while ends := [m for m in left if not any(m in needs for needs in left.values())]:
-        for module in ends:
-            del left[module]
-    assert not [m for m in left if m[:2] != ("stability", "substructures")]
+    assert not {name for name in core for path in folders(name) if path[0] == "extras"}
 
 
 def test_no_two_classes_have_one_name():
     names = Counter(
         node.name
-        for file in sources()
-        for node in ast.parse(file.read_text()).body
+        for path in sources().values()
+        for node in tree(path).body
         if isinstance(node, ast.ClassDef)
     )
     assert len(names) > 100 and max(names.values()) == 1, names.most_common(3)
 
 
+def stability(name):
+    """Modules and folders of stability that a module imports."""
+    return {path[1] for path in folders(name) if path[0] == "stability" and len(path) > 1}
+
+
 @pytest.mark.parametrize("folder", list(BELOW))
 def test_full_order_and_reduced_model_share_what_lies_below(folder):
-    files = sorted((PACKAGE / "stability" / folder).glob("*.py"))
-    assert len(files) > 5
-    paths = [path for file in files for path in imported(file)]
-    assert {p[1] for p in paths if p[0] == "stability"} <= BELOW[folder]
+    assert all(stability(name) <= BELOW[folder] for name in modules("stability", folder))
 
 
 def test_one_module_connects_full_order_and_the_reduced_model():
     """The count of damped modes at full order is that of a reduced model."""
-    two, both = {"full", "substructures"}, set()
-    for file in (PACKAGE / "stability").glob("*.py"):
-        if two <= {p[1] for p in imported(file) if p[0] == "stability"}:
-            both.add(file.name)
-    assert both == {"__init__.py", "damped_count.py"}
+    both = {n for n in modules("stability") if {"full", "substructures"} <= stability(n)}
+    assert both == {"brake_fenicsx.stability", "brake_fenicsx.stability.damped_count"}
 
 
 @pytest.mark.parametrize(
