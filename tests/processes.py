@@ -1,7 +1,18 @@
-"""Programs that tests start: their environment says nothing of the tests' own MPI."""
+"""Programs that tests start, and scripts that they import."""
 
 import os
 import subprocess
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_loader
+from pathlib import Path
+
+
+def script(name):
+    """A script of the project as a module."""
+    loader = SourceFileLoader(name, str(Path(__file__).parents[1] / "scripts" / name))
+    module = module_from_spec(spec_from_loader(name, loader))
+    loader.exec_module(module)
+    return module
 
 
 def parallel():

@@ -1,22 +1,18 @@
 """docs/hard_cases.md lists the tests with the marker hard, one sentence each."""
 
-import importlib.util
 from pathlib import Path
 
 import pytest
 
+from processes import script
+
 ROOT = Path(__file__).parents[1]
 
 
-@pytest.fixture(scope="module")
-def generator():
-    spec = importlib.util.spec_from_file_location("cases", ROOT / "scripts" / "hard_cases.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+generator = script("hard_cases.py")
 
 
-def test_page_is_what_the_script_writes(generator):
+def test_page_is_what_the_script_writes():
     """A hard case added, renamed or taken away without the page being written again."""
     page = (ROOT / "docs" / "hard_cases.md").read_text()
     assert page == generator.page(), "run scripts/hard_cases.py"
@@ -33,7 +29,7 @@ def test_own_mark():
 """
 
 
-def test_cases_are_found_by_mark_and_by_folder(generator, tmp_path):
+def test_cases_are_found_by_mark_and_by_folder(tmp_path):
     file = tmp_path / "test_it.py"
     file.write_text(MARKED)
     assert list(generator.cases(file)) == [("test_own_mark", "Marked itself.")]
@@ -45,7 +41,7 @@ def test_cases_are_found_by_mark_and_by_folder(generator, tmp_path):
     assert len(list(generator.cases(file))) == 2
 
 
-def test_a_hard_case_without_a_sentence_is_refused(generator, tmp_path):
+def test_a_hard_case_without_a_sentence_is_refused(tmp_path):
     file = tmp_path / "test_it.py"
     file.write_text("import pytest\npytestmark = pytest.mark.hard\ndef test_silent(): pass")
     with pytest.raises(ValueError, match="test_silent"):

@@ -3,10 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
-
-from brake_fenicsx.cli import main
-
 ROOT = Path(__file__).parents[1]
 SHOWN = ("scripts", "docs", "README.md")
 
@@ -33,10 +29,3 @@ def test_every_key_is_shown():
     text, found = shown(), list(keys())
     assert len(found) > 200
     assert not [k for k in found if not re.search(rf"\b{k[1]}\"?\s*=|\.{k[1]}\b", text)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["vented_brake"])
-def test_scene_that_shows_the_builders_is_accepted(name, capsys):
-    assert main(["check", str(ROOT / "scripts" / "scenes" / f"{name}.toml")]) == 0
-    assert re.search("part disc: .* kg, 288 x 288 x 54 mm", capsys.readouterr().out)

@@ -1,22 +1,20 @@
 """scripts/promises: its table lacks nothing that is promised, and what is not kept is named."""
 
-import importlib.util
 import json
 import re
 import subprocess
 import tomllib
 from copy import deepcopy
-from importlib.machinery import SourceFileLoader
 from pathlib import Path
 
 import pytest
 
+from processes import script
+
 ROOT = Path(__file__).parents[1]
 SCENES = sorted((ROOT / "scripts" / "scenes").rglob("*.toml"))
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-LOADER = SourceFileLoader("promises", str(ROOT / "scripts" / "promises"))
-promises = importlib.util.module_from_spec(importlib.util.spec_from_loader("promises", LOADER))
-LOADER.exec_module(promises)
+promises = script("promises")
 TABLE = tomllib.loads(promises.TABLE.read_text())
 KEYS = {"when", "sh", "by", "why", "page", "place", "given", "says", "files", "runs", "warnings",
         "pictures"}  # fmt: skip

@@ -1,6 +1,5 @@
 """What the README and the pages promise is so."""
 
-import importlib.util
 import re
 import subprocess
 import sys
@@ -11,6 +10,7 @@ import pytest
 
 from brake_fenicsx.cli import main
 from brake_fenicsx.parser import parser
+from processes import script
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -65,12 +65,8 @@ def test_every_page_and_script_named_is_there():
 
 def test_page_of_the_command_line_is_what_its_script_writes():
     """Commands, options and exit states, from the help."""
-    path = ROOT / "scripts" / "cli_reference.py"
-    spec = importlib.util.spec_from_file_location("cli_reference", path)
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
     page = (ROOT / "docs" / "cli.md").read_text()
-    assert page == script.page(), "run scripts/cli_reference.py"
+    assert page == script("cli_reference.py").page(), "run scripts/cli_reference.py"
     states = re.findall(r"^\| (\d+) \|", page, re.M)
     assert states == ["0", "1", "2", "130", "141", "143"]
 

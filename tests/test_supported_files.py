@@ -1,33 +1,26 @@
 """Small files of each kind have their right values; docs/supported_files.md says what is read."""
 
-import importlib.util
 import tomllib
 from pathlib import Path
 
 import pytest
+
+from processes import script
 
 pytest.importorskip("pyNastran")
 pytest.importorskip("pyuff")
 pytest.importorskip("meshio")
 ROOT = Path(__file__).parents[1]
 FILES = ROOT / "tests" / "files"
+pages = script("supported_files.py")
 RIGHT = tomllib.loads((FILES / "right.toml").read_text(encoding="utf-8"))
 
 
-@pytest.fixture(scope="module")
-def script():
-    path = ROOT / "scripts" / "supported_files.py"
-    spec = importlib.util.spec_from_file_location("supported_files", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.parametrize("name", RIGHT)
-def test_a_file_has_its_right_values(name, script):
+def test_a_file_has_its_right_values(name):
     """By hand from how the file was made, tests/files/right.toml."""
     right = {key: value for key, value in RIGHT[name].items() if key != "written"}
-    assert script.facts(FILES / name) == right
+    assert pages.facts(FILES / name) == right
 
 
 def test_every_file_has_right_values():
@@ -35,7 +28,7 @@ def test_every_file_has_right_values():
     assert files == RIGHT.keys()
 
 
-def test_page_is_what_the_script_writes(script):
+def test_page_is_what_the_script_writes():
     """A keyword, an option or a file added without the page being written again."""
     page = (ROOT / "docs" / "supported_files.md").read_text(encoding="utf-8")
-    assert page == script.page(), "run scripts/supported_files.py"
+    assert page == pages.page(), "run scripts/supported_files.py"

@@ -9,7 +9,7 @@ from brake_fenicsx.extras.limit_cycle.growth import follow
 from brake_fenicsx.extras.limit_cycle.harmonic_balance import HarmonicBalance
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.macro.sliding_friction import SlidingFriction
-from brake_fenicsx.micro import LawSteps, OneLaw, make_library
+from brake_fenicsx.micro import LawSteps, OneLaw, exponential_law, join_laws, make_library
 from oscillators import first_vibration, no_growth, oscillator, van_der_pol
 
 pytestmark = pytest.mark.hard
@@ -117,8 +117,6 @@ def test_an_open_patch_that_closes():
 
 def test_one_law_per_patch():
     """Elements of one library with laws of their own, and others of a formula."""
-    from brake_fenicsx.micro import exponential_law, join_laws
-
     both = join_laws([hardened(), OneLaw(exponential_law(1e6, 2e-6))])
     laws = EnrichedGap(both, np.array([0, 1]), np.zeros(2))
     two = np.ones(2)

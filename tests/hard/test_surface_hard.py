@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.build.measured_surface import read_surface
-from brake_fenicsx.errors import SceneError, SurfaceError
+from brake_fenicsx.errors import BrakeError, SceneError, SurfaceError
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.surface import characterise, given_statistics, make_topography, synthesise
 
@@ -20,44 +20,46 @@ def scan(n=128, seed=0):
     return make_topography(topo.heights[:n, :n], (1.8e-3, 1.8e-3))
 
 
-@pytest.mark.parametrize("tilt", [0.0, 1e-2])
-def test_flat_scan_is_refused(tilt):
-    """Also a perfect plane that only looks rough before levelling."""
-    h = 1e-3 + tilt * np.arange(64)[:, None] * np.ones(64)
-    with pytest.raises(SurfaceError, match="flat"):
-        characterise(make_topography(h, (1.0, 1.0)))
+def plane(tilt, valid=slice(None)):
+    h = np.full((64, 64), np.nan)
+    h[valid] = (1e-3 + tilt * np.arange(64)[:, None] * np.ones(64))[valid]
+    return make_topography(h, (1.0, 1.0))
 
 
-def test_third_of_the_points_missing():
+@pytest.mark.parametrize(
+    ("topo", "settings", "said"),
+    [
+        (plane(0.0), {}, "flat"),
+        (plane(1e-2), {}, "flat"),
+        (plane(0.0, (3, 4)), {}, "valid points"),
+        (scan(32), {"cutoff": 0.5e-3}, "rings"),
+        (scan(32), {"level": "cubic"}, "choose"),
+        (scan(32), {"outlier_rule": "sigma"}, "choose"),
+        (scan(32), {"distribution": "uniform"}, "choose"),
+    ],
+)
+def test_scans_without_statistics_and_misspelt_settings_are_named(topo, settings, said):
+    """Planes, one that is only tilted; one valid point; a cutoff that leaves too few rings."""
+    with pytest.raises(BrakeError, match=said):
+        characterise(topo, **settings)
+
+
+def test_third_of_the_points_missing_and_a_block():
     """Moments are computed from valid points; the slope of the spectrum does not change."""
     topo = scan()
-    rng = np.random.default_rng(1)
-    holes = topo.heights.copy()
-    holes[rng.random(holes.shape) < 0.3] = np.nan
-    full, part = characterise(topo), characterise(make_topography(holes, topo.size))
-    assert part.missing == np.isnan(holes).sum()
-    assert part.S_q == pytest.approx(full.S_q, rel=0.02)
-    assert part.S_sk == pytest.approx(full.S_sk, abs=0.05)
-    room = full.bifractal.errors[0] + part.bifractal.errors[0]
-    assert part.bifractal.c1 == pytest.approx(full.bifractal.c1, abs=room)
-    assert part.bifractal.c2 == pytest.approx(full.bifractal.c2, abs=0.2)
-
-
-def test_one_block_missing():
-    """A hole of 30 x 30 points: the spectrum keeps its slope."""
-    topo = scan()
-    holes = topo.heights.copy()
-    holes[40:70, 50:80] = np.nan
-    full, part = characterise(topo), characterise(make_topography(holes, topo.size))
-    assert part.bifractal.c2 == pytest.approx(full.bifractal.c2, abs=0.2)
-
-
-def test_single_valid_point():
-    """One valid point only: named error."""
-    h = np.full((20, 20), np.nan)
-    h[3, 4] = 1.0
-    with pytest.raises(SurfaceError, match="valid points"):
-        characterise(make_topography(h, (1.0, 1.0)))
+    full = characterise(topo)
+    scattered = np.random.default_rng(1).random(topo.heights.shape) < 0.3
+    block = np.zeros_like(scattered)
+    block[40:70, 50:80] = True
+    for holes in (scattered, block):
+        part = characterise(make_topography(np.where(holes, np.nan, topo.heights), topo.size))
+        assert part.missing == holes.sum()
+        assert part.bifractal.c2 == pytest.approx(full.bifractal.c2, abs=0.2)
+        if holes is scattered:
+            assert part.S_q == pytest.approx(full.S_q, rel=0.02)
+            assert part.S_sk == pytest.approx(full.S_sk, abs=0.05)
+            room = full.bifractal.errors[0] + part.bifractal.errors[0]
+            assert part.bifractal.c1 == pytest.approx(full.bifractal.c1, abs=room)
 
 
 def test_spikes_do_not_change_the_moments():
@@ -70,13 +72,6 @@ def test_spikes_do_not_change_the_moments():
     clean, found = characterise(topo), characterise(make_topography(spiked, topo.size))
     assert found.outliers == np.unique(np.stack(where), axis=1).shape[1]
     assert found.S_ku == pytest.approx(clean.S_ku, rel=0.01)
-
-
-def test_spectrum_below_the_reach_of_the_instrument():
-    """Waves shorter than the cutoff are noise: with too few rings left, an error message."""
-    topo = scan(32)
-    with pytest.raises(SurfaceError, match="rings"):
-        characterise(topo, cutoff=0.5e-3)
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e6])
@@ -135,22 +130,18 @@ def test_heights_of_statistics_without_a_scan():
         _ = PAPER.heights
 
 
-@pytest.mark.parametrize(
-    "setting", [{"level": "cubic"}, {"outlier_rule": "sigma"}, {"distribution": "uniform"}]
-)
-def test_unknown_settings_are_named(setting):
-    """A misspelt setting: named error with the choices."""
-    with pytest.raises(SceneError, match="choose"):
-        characterise(scan(32), **setting)
+@pytest.fixture
+def scene_of(tmp_path):
+    """A scene of some scans, from their names as TOML and their heights and sizes by name."""
 
+    def write(scans, **files):
+        for name, (heights, size) in files.items():
+            np.savez(tmp_path / f"{name}.npz", heights=heights, size=np.array(size))
+        path = tmp_path / "scene.toml"
+        path.write_text(f'stages = ["surface"]\n[surface]\nscan = {scans}\n')
+        return path
 
-def scene_of(tmp_path, scans, files):
-    """A scene of some files, with heights and sizes by name."""
-    for name, (heights, size) in files.items():
-        np.savez(tmp_path / name, heights=heights, size=np.array(size))
-    path = tmp_path / "scene.toml"
-    path.write_text(f'stages = ["surface"]\n[surface]\nscan = {scans}\n')
-    return path
+    return write
 
 
 @pytest.mark.parametrize(
@@ -166,7 +157,7 @@ def scene_of(tmp_path, scans, files):
         ('["a.npz", "b.npz"]', "flat", "surface.scan = 'b.npz': .*the scan is flat"),
     ],
 )
-def test_lists_of_scans_that_cannot_be_averaged(tmp_path, scans, other, named):
+def test_lists_of_scans_that_cannot_be_averaged(scene_of, scans, other, named):
     """No scan, a file twice or not there, other pixels, one scan empty or flat: named error."""
     first = scan()
     others = {
@@ -175,33 +166,29 @@ def test_lists_of_scans_that_cannot_be_averaged(tmp_path, scans, other, named):
         "missing": (np.full((128, 128), np.nan), (1.8e-3, 1.8e-3)),
         "flat": (np.zeros((128, 128)), (1.8e-3, 1.8e-3)),
     }
-    files = {"a.npz": (first.heights, first.size)}
-    files |= {"b.npz": others[other]} if other else {}
-    path = scene_of(tmp_path, scans, files)
+    files = {"b": others[other]} if other else {}
+    path = scene_of(scans, a=(first.heights, first.size), **files)
     with pytest.raises(SceneError, match=named) as said:
         read_surface(read_scene(path))
     assert "\n" not in str(said.value) and str(path) in str(said.value)
 
 
-def test_sizes_rounded_by_a_file_are_the_same_pixels(tmp_path):
+def test_sizes_rounded_by_a_file_are_the_same_pixels(scene_of):
     """Pixels that differ in the seventh digit: the scans are averaged on the grid of the first."""
     first, second = scan(128, 0), scan(128, 1)
-    files = {
-        "a.npz": (first.heights, first.size),
-        "b.npz": (second.heights, 1.0000003 * first.size),
-    }
-    found = read_surface(read_scene(scene_of(tmp_path, '["a.npz", "b.npz"]', files)))
+    files = {"a": (first.heights, first.size), "b": (second.heights, 1.0000003 * first.size)}
+    found = read_surface(read_scene(scene_of('["a.npz", "b.npz"]', **files)))
     assert all(np.array_equal(t.size, first.size) for t in found.topographies)
     assert np.array_equal(found.scans[0].psd.q, found.scans[1].psd.q)
 
 
-def test_one_of_two_scans_is_mostly_missing(tmp_path):
+def test_one_of_two_scans_is_mostly_missing(scene_of):
     """Both scans weigh the same: the variance is the mean, not that of most of the points."""
     first, second = scan(128, 0), scan(128, 1)
     holes = 2 * second.heights
     holes[np.random.default_rng(2).random(holes.shape) < 0.6] = np.nan
-    files = {"a.npz": (first.heights, first.size), "b.npz": (holes, first.size)}
-    found = read_surface(read_scene(scene_of(tmp_path, '["a.npz", "b.npz"]', files)))
+    files = {"a": (first.heights, first.size), "b": (holes, first.size)}
+    found = read_surface(read_scene(scene_of('["a.npz", "b.npz"]', **files)))
     each = [s.S_q for s in found.scans]
     assert found.S_q == pytest.approx(np.sqrt(np.mean(np.square(each))), rel=1e-12)
     assert found.hdf.S_q == pytest.approx(found.S_q, rel=1e-12)

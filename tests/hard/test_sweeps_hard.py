@@ -19,38 +19,35 @@ def kinds(events, *wanted):
     return [(e.kind, e.x) for e in events if e.kind in wanted]
 
 
-def test_merging_exactly_at_a_computed_value():
-    """A value lies exactly on a merging point: branches continue, the merging is found."""
-    values = [0.0, 0.3, MERGED, 0.9, 1.2]
-    solve = solver(hoffmann)
-    followed = follow(solve, values, WIDE)
+def undamped(K):
+    """States of a stiffness as a function of x, of masses of 1."""
+    n = len(K(0.0))
+    return solver(lambda x: (np.eye(n), np.zeros((n, n)), K(x)))
+
+
+def squares(followed, branch):
+    return followed.s(branch).imag ** 2
+
+
+@pytest.mark.parametrize(
+    ("values", "scale", "wanted"),
+    [
+        # A value lies exactly on the merging point.
+        ([0.0, 0.3, MERGED, 0.9, 1.2], 1.0, MERGING),
+        # Falling values have a splitting where rising ones have a merging.
+        (np.linspace(1.2, 0, 7), 1.0, SPLITTING),
+        # Stiffness and mass of any size.
+        (np.linspace(0, 1.2, 7), 1e-6, MERGING),
+        (np.linspace(0, 1.2, 7), 1e9, MERGING),
+    ],
+)
+def test_one_merging_whatever_values_and_units(values, scale, wanted):
+    """On a computed value, from either side and in any unit: one event, branches continue."""
+    solve = undamped(lambda mu: scale * hoffmann(mu)[2])
+    followed = follow(solve, values, (0.0, 1e9))
     assert not any(b.end == CUT for b in followed.branches)
-    ((_, x),) = kinds(find_events(followed, solve, 0.0, 1e-4), MERGING)
-    assert abs(x - MERGED) <= 1.2e-4
-
-
-def test_falling_values_give_the_events_of_rising_ones():
-    """A sweep with falling values has a splitting where the rising sweep has a merging."""
-    solve = solver(hoffmann)
-    ((kind, x),) = kinds(
-        find_events(follow(solve, np.linspace(1.2, 0, 7), WIDE), solve, 0.0, 1e-4),
-        MERGING, SPLITTING,
-    )  # fmt: skip
-    assert kind == SPLITTING and abs(x - MERGED) <= 1.2e-4
-
-
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e9])
-def test_units_do_not_matter(scale):
-    """Stiffness and mass of any size: the same merging."""
-
-    def matrices(mu):
-        M, C, K = hoffmann(mu)
-        return M, C, scale * K
-
-    solve = solver(matrices)
-    followed = follow(solve, np.linspace(0, 1.2, 7), (0, 1e9))
-    ((_, x),) = kinds(find_events(followed, solve, 0.0, 1e-4), MERGING)
-    assert abs(x - MERGED) <= 1.2e-4
+    ((kind, x),) = kinds(find_events(followed, solve, 0.0, 1e-4), MERGING, SPLITTING)
+    assert kind == wanted and abs(x - MERGED) <= 1.2e-4
 
 
 def test_a_mode_merges_with_one_neighbour_and_then_with_the_other():
@@ -61,7 +58,7 @@ def test_a_mode_merges_with_one_neighbour_and_then_with_the_other():
             [1.00, 0.03, 0.0], [-0.03, 0.90 + 0.4 * x, 0.03], [0.0, -0.03, 1.20],
         ])  # fmt: skip
 
-    solve = solver(lambda x: (np.eye(3), np.zeros((3, 3)), K(x)))
+    solve = undamped(K)
     found = []
     for steps in (4, 9, 40):
         followed = follow(solve, np.linspace(0, 1, steps), WIDE)
@@ -79,13 +76,13 @@ def test_a_mode_merges_with_one_neighbour_and_then_with_the_other():
 def test_two_doublets_cross_at_one_value():
     """Four modes meet in two frequencies; nothing couples them."""
     D = lambda x: np.diag([1 + x, 1.5 - x, 2 + x, 2.5 - x])  # noqa: E731
-    solve = solver(lambda x: (np.eye(4), np.zeros((4, 4)), D(x)))
+    solve = undamped(D)
     followed = follow(solve, np.linspace(0, 0.5, 5), WIDE)
     assert find_events(followed, solve, 0.0, 1e-4) == []
-    ends = sorted(float(followed.s(b)[-1].imag ** 2) for b in followed.branches)
+    ends = sorted(squares(followed, b)[-1] for b in followed.branches)
     np.testing.assert_allclose(ends, [1.0, 1.5, 2.0, 2.5], rtol=1e-12)
     for b in followed.branches:
-        moved = np.diff(followed.s(b).imag ** 2)
+        moved = np.diff(squares(followed, b))
         assert np.all(moved > 0) or np.all(moved < 0)
 
 
@@ -93,12 +90,11 @@ def test_two_doublets_cross_at_one_value():
 def test_weak_veering_never_leaves_a_gap_or_a_jump(coupling):
     """A veering narrower than the smallest step counts as a crossing: smooth branches."""
     K = lambda x: np.array([[1.0 + x, coupling], [coupling, 1.5 - x]])  # noqa: E731
-    solve = solver(lambda x: (np.eye(2), NONE, K(x)))
-    followed = follow(solve, np.linspace(0, 0.5, 6), WIDE)
+    followed = follow(undamped(K), np.linspace(0, 0.5, 6), WIDE)
     assert [b.end for b in followed.branches] == ["last value"] * 2
     for b in followed.branches:
-        squares, x = followed.s(b).imag ** 2, followed.x(b)
-        assert np.all(np.abs(np.diff(squares)) <= np.diff(x) + 2 * coupling)
+        steps = np.diff(followed.x(b))
+        assert np.all(np.abs(np.diff(squares(followed, b))) <= steps + 2 * coupling)
 
 
 def test_a_doublet_that_stays_together_costs_no_steps():
@@ -108,8 +104,7 @@ def test_a_doublet_that_stays_together_costs_no_steps():
     def K(x):
         return np.diag([2.0, 2.0 + 1e-7 * rng.standard_normal(), 1.0 + 0.5 * x])
 
-    solve = solver(lambda x: (np.eye(3), np.zeros((3, 3)), K(x)))
-    followed = follow(solve, np.linspace(0, 1, 11), WIDE)
+    followed = follow(undamped(K), np.linspace(0, 1, 11), WIDE)
     assert not any(b.end == CUT for b in followed.branches)
     assert followed.solves < 200
 
@@ -117,10 +112,9 @@ def test_a_doublet_that_stays_together_costs_no_steps():
 def test_defective_everywhere():
     """Two modes are merged at every value (Jordan block): no spurious branch."""
     K = lambda x: np.array([[1.0 + x, 1.0], [0.0, 1.0 + x]])  # noqa: E731
-    solve = solver(lambda x: (np.eye(2), NONE, K(x)))
-    followed = follow(solve, np.linspace(0, 0.5, 4), WIDE)
+    followed = follow(undamped(K), np.linspace(0, 0.5, 4), WIDE)
     for b in followed.branches:
-        np.testing.assert_allclose(followed.s(b).imag ** 2, 1 + followed.x(b), rtol=1e-6)
+        np.testing.assert_allclose(squares(followed, b), 1 + followed.x(b), rtol=1e-6)
 
 
 def test_jump_of_the_contact_state():
@@ -146,12 +140,11 @@ def test_modes_that_jump_are_cut_once():
     turn = np.deg2rad(50.0)
     R = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
 
-    def matrices(x):
-        K = np.diag([1.0, 1.4, 9.0]) * (1 + 0.1 * x)
-        K = R @ K @ R.T * 1.2 if x > 0.43 else K
-        return np.eye(3), np.zeros((3, 3)), 1e6 * K
+    def K(x):
+        K = 1e6 * np.diag([1.0, 1.4, 9.0]) * (1 + 0.1 * x)
+        return R @ K @ R.T * 1.2 if x > 0.43 else K
 
-    followed = follow(solver(matrices), np.linspace(0, 1, 11), WIDE)
+    followed = follow(undamped(K), np.linspace(0, 1, 11), WIDE)
     assert followed.solves < 80
     ends = sorted(b.end == CUT for b in followed.branches)
     assert sum(ends) == 2 and len(ends) == 5
@@ -163,11 +156,11 @@ def test_modes_that_are_noise_end():
     """Random modes at every value: branches are cut, without many extra values."""
     rng = np.random.default_rng(0)
 
-    def matrices(x):
+    def K(x):
         Q = np.linalg.qr(rng.normal(size=(6, 6)))[0]
-        return np.eye(6), np.zeros((6, 6)), 1e6 * Q @ np.diag(np.arange(1.0, 7.0)) @ Q.T
+        return 1e6 * Q @ np.diag(np.arange(1.0, 7.0)) @ Q.T
 
-    followed = follow(solver(matrices), np.linspace(0, 1, 5), WIDE)
+    followed = follow(undamped(K), np.linspace(0, 1, 5), WIDE)
     assert followed.solves < 200
     assert any(b.end == CUT for b in followed.branches)
 
