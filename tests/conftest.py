@@ -209,49 +209,34 @@ class TwoBlocks:
         return u.x.array[self.free.local]
 
 
+def _pair(pad, plate, supports, height=6, gap=0):
+    """Length, width and size of cells of pad and plate, their height and the gap between them.
+
+    All in mm.
+    """
+    names = ("length", "width", "size", "height", "z")
+    blocks = ((*pad, height, gap), (*plate, height, -height))
+    pad, plate = ({n: 1e-3 * x for n, x in zip(names, b, strict=True)} for b in blocks)
+    return {"pad": pad, "plate": plate, "supports": supports}
+
+
+CLAMPED = {"plate.bottom": ["x", "y", "z"]}
+GUIDED = CLAMPED | {"pad.top": ["x", "y"]}
 SCENES = {
     # Lining block on a steel-like plate, clamped below; the block is guided, free along z.
-    "guided": dict(
-        pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=6e-3),
-        plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=14e-3),
-        supports={"plate.bottom": ["x", "y", "z"], "pad.top": ["x", "y"]},
-    ),
+    "guided": _pair((12, 8, 6), (20, 14, 14), GUIDED),
     # The same with more cells.
-    "fine": dict(
-        pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=4e-3),
-        plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=7e-3),
-        supports={"plate.bottom": ["x", "y", "z"], "pad.top": ["x", "y"]},
-    ),
+    "fine": _pair((12, 8, 4), (20, 14, 7), GUIDED),
     # The same with fewer cells: its dense damped spectrum takes half a second.
-    "coarse": dict(
-        pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=8e-3),
-        plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=20e-3),
-        supports={"plate.bottom": ["x", "y", "z"], "pad.top": ["x", "y"]},
-    ),
+    "coarse": _pair((12, 8, 8), (20, 14, 20), GUIDED),
     # The first, without tilting: held all around in the plane.
-    "upright": dict(
-        pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=4e-3),
-        plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=7e-3),
-        supports={"plate.bottom": ["x", "y", "z"], "pad.sides": ["x", "y"]},
-    ),
+    "upright": _pair((12, 8, 4), (20, 14, 7), CLAMPED | {"pad.sides": ["x", "y"]}),
     # Nothing held; the pad hangs 0.3 mm above the plate.
-    "loose": dict(
-        pad=dict(length=12e-3, width=8e-3, height=5e-3, z=3e-4, size=3e-3),
-        plate=dict(length=20e-3, width=14e-3, height=5e-3, z=-5e-3, size=4.3e-3),
-        supports={},
-    ),
+    "loose": _pair((12, 8, 3), (20, 14, 4.3), {}, 5, 0.3),
     # Nothing held and few cells: its dense spectrum takes a second.
-    "free": dict(
-        pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=8e-3),
-        plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=20e-3),
-        supports={},
-    ),
+    "free": _pair((12, 8, 8), (20, 14, 20), {}),
     # The pad reaches beyond the plate on all sides.
-    "overhang": dict(
-        pad=dict(length=20e-3, width=14e-3, height=5e-3, z=0.0, size=4e-3),
-        plate=dict(length=12e-3, width=8e-3, height=5e-3, z=-5e-3, size=3e-3),
-        supports={},
-    ),
+    "overhang": _pair((20, 14, 4), (12, 8, 3), {}, 5),
 }
 
 

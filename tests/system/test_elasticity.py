@@ -4,7 +4,6 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
 from brake_fenicsx.macro.elasticity import assemble_elastic, face_area, unit_loads
@@ -114,6 +113,11 @@ def free_vector(solved, values):
     return np.concatenate(u.function_space.mesh.comm.allgather(u.x.array[solved.free.local]))
 
 
+def translations(solved):
+    """Free vectors of the unit motions along x, y and z."""
+    return [free_vector(solved, lambda x, a=a: a[:, None] + 0 * x) for a in np.eye(3)]
+
+
 @pytest.fixture(scope="module")
 def unsupported():
     solved = assemble_elastic(box(MPI.COMM_WORLD, 2), {"box.body": Material(TURNED, 3.0)}, {})
@@ -130,9 +134,8 @@ def test_energies_of_all_constant_strains_give_the_stiffness_back(unsupported):
 def test_rigid_motions_cost_nothing_and_weigh_what_the_body_weighs(unsupported):
     """Catches a strain that sees rotation, and a mass without density or components mixed."""
     solved, K, M = unsupported
-    moves = [lambda x, i=i: np.eye(3)[i][:, None] + 0 * x for i in range(3)]
-    turns = [lambda x, i=i: np.cross(np.eye(3)[i], x.T).T for i in range(3)]
-    U = np.stack([free_vector(solved, r) for r in moves + turns], axis=1)
+    turns = [free_vector(solved, lambda x, a=a: np.cross(a, x.T).T) for a in np.eye(3)]
+    U = np.stack([*translations(solved), *turns], axis=1)
     assert np.abs(K @ U).max() < 1e-12 * np.abs(K).max()
     G = U.T @ (M @ U)
     weight = 3.0 * SIZES.prod()
@@ -150,8 +153,7 @@ def test_pressure_pushes_inwards_with_its_full_force(comm):
     area = face_area(mesh, "box.z1")
     assert area == pytest.approx(SIZES[0] * SIZES[1], rel=1e-12)
     f = 2.0 * unit_loads(mesh, solved.free, "box.z1")
-    for i, force in enumerate((0.0, 0.0, -2.0 * area)):
-        shift = free_vector(solved, lambda x, i=i: np.eye(3)[i][:, None] + 0 * x)
+    for shift, force in zip(translations(solved), (0.0, 0.0, -2.0 * area), strict=True):
         assert f @ shift == pytest.approx(force, rel=1e-12, abs=1e-13)
 
 
@@ -176,20 +178,6 @@ def test_uniaxial_pressure_on_the_lining(comm, axis):
         assert -p / strain[2] == pytest.approx(1983.3e6, abs=0.05e6)
 
 
-def test_simple_shear_of_the_lining_carries_its_shear_modulus(unsupported):
-    """Nodal forces on the face z1 under u_x = gamma z: C55 gamma A along x, C45 along y, else none.
-
-    Catches shears 13 and 23 exchanged.
-    """
-    solved, K, _ = unsupported
-    u = free_vector(solved, lambda x: np.stack([1e-3 * x[2], 0 * x[0], 0 * x[0]]))
-    force = K @ u
-    for i in range(3):
-        top = free_vector(solved, lambda x, i=i: np.eye(3)[i][:, None] * np.isclose(x[2], SIZES[2]))
-        wanted = 1e-3 * SIZES[0] * SIZES[1] * TURNED[[4, 3, 2][i], 4]
-        assert top @ force == pytest.approx(wanted, abs=1e-14), "xyz"[i]
-
-
 def test_held_dofs_leave_no_eigenvalue_behind(comm):
     """The matrices are those of the free dofs alone, and positive definite."""
     solved = assemble_elastic(
@@ -199,7 +187,7 @@ def test_held_dofs_leave_no_eigenvalue_behind(comm):
     K, M = (A.toarray() for A in (solved.K, solved.M))
     assert np.linalg.eigvalsh(K)[0] > 0
     assert np.linalg.eigvalsh(M)[0] > 0
-    assert not sp.csr_matrix(K - K.T).count_nonzero() or abs(K - K.T).max() < 1e-14 * abs(K).max()
+    assert abs(K - K.T).max() < 1e-14 * abs(K).max()
 
 
 def test_supports_of_single_components_hold_these_only(comm):
@@ -208,7 +196,4 @@ def test_supports_of_single_components_hold_these_only(comm):
     solved = assemble_elastic(box(comm, 1), {"box.body": Material(TURNED, 1.0)}, supports)
     # 27 nodes of degree 2, nine on each face.
     assert solved.free.size == 81 - 9 - 9
-    held = [
-        free_vector(solved, lambda x, i=i: np.eye(3)[i][:, None] + 0 * x).sum() for i in range(3)
-    ]
-    assert held == [18, 18, 27]
+    assert [shift.sum() for shift in translations(solved)] == [18, 18, 27]

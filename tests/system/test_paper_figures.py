@@ -67,10 +67,3 @@ def test_the_scan_has_the_printed_statistics(done):
     for name, within in (("S_q", 0.5), ("S_sk", 0.05), ("S_ku", 0.1), ("c1", 0.4), ("c2", 0.3)):
         here, printed = rows[name]
         assert abs(here - printed) < within, name
-
-
-def test_script_is_in_the_light_format():
-    """Every cell marked open is closed, and the head names the format."""
-    text = SCRIPT.read_text()
-    assert "format_name: light" in text
-    assert text.count("\n# +\n") == text.count("\n# -\n") + (not text.endswith("# -\n"))
