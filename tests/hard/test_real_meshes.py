@@ -27,10 +27,11 @@ TWO_PI = 2 * np.pi
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 
 
-def solved(scene, k, mu, C, band, **more):
-    """Full order of a sample, its friction as an interface."""
+def solved(scene, k, mu, C, band, M=None, **more):
+    """Full order of a sample, its friction as an interface; with another mass if it is given."""
     face = contact_interface(scene.N, scene.T, scene.w * k, mu) if mu else None
-    return complex_modes(scene.M, C, scene.tangent(k, mu), band, friction=face, **more)
+    M = scene.M if M is None else M
+    return complex_modes(M, C, scene.tangent(k, mu), band, friction=face, **more)
 
 
 def rayleigh_of(kappa, alpha, beta):
@@ -69,8 +70,7 @@ def test_contact_face_without_mass(two_blocks, mu, beta):
     C = None if beta is None else (200.0 * M + beta * K).tocsr()
     s = undamped(kappa) if beta is None else rayleigh_of(kappa, 200.0, beta).ravel()
     s = s[(s.imag > 0) & (s.imag <= TWO_PI * band[1])]
-    more = {"friction": contact_interface(scene.N, scene.T, scene.w * k, mu)} if mu else {}
-    agree(complex_modes(M, C, K, band, zeta_max=0.3, **more), s)
+    agree(solved(scene, k, mu, C, band, M=M, zeta_max=0.3), s)
 
 
 @cache
@@ -130,11 +130,8 @@ def test_damping_contrast_of_a_thousand_between_parts(two_blocks, mu):
     """Lining with eta = 0.1 on a plate with 1e-4, all in one band."""
     scene, band = two_blocks("guided"), (0.0, 90e3)
     k = np.full(scene.w.size, 3e11)
-    layers = {name: {name: m.C} for name, m in scene.materials.items()}
-    parts = dict(
-        zip(layers, affine_parts(scene.mesh, scene.free, list(layers.values())), strict=True)
-    )
-    pad, plate = (parts[name] for name in ("pad.body", "plate.body"))
+    layers = [{name: scene.materials[name].C} for name in ("pad.body", "plate.body")]
+    pad, plate = affine_parts(scene.mesh, scene.free, layers)
     assert abs(pad + plate - scene.K).max() < 1e-12 * abs(scene.K).max()
     C = loss_factor([(0.1, pad), (1e-4, plate)], TWO_PI * 60e3)
     m = solved(scene, k, mu, C, band, zeta_max=0.3)

@@ -10,22 +10,33 @@ import scipy.sparse as sp
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.stability import Parameters, Reduced, ReducedModel, complex_modes
 from dense_reference import agrees, all_lambda
-from reduced_samples import BAND, HIGH, K0, Sample, offline, scattered, substructures
+from reduced_samples import BAND, HIGH, K0, SPREAD, Sample, offline, scattered, substructures
 
 pytestmark = pytest.mark.hard
+
+
+def held(scene, bound, case="undamped", spread=SPREAD, **sample):
+    """Modes of a sample, of which none is missed and whose errors stay below a bound."""
+    model = offline(scene, case, len(sample.get("x", ())) > 0, spread)
+    sample = Sample(scene, case, spread=spread, **sample)
+    found = sample.modes(model)
+    assert sample.agrees(found) < bound
+    return found
+
+
+def rigid_verdicts(found, least):
+    """Verdicts of the rigid motions, at least so many."""
+    rigid = np.abs(found.s) <= 1e-4 * HIGH
+    assert rigid.sum() >= least
+    return set(np.array(found.verdict)[rigid])
 
 
 @pytest.mark.parametrize("case", ["undamped", "rayleigh"])
 def test_all_contacts_open(two_blocks, case):
     """The bodies have no contact: rigid motions of the pad are neutral, no mode is unstable."""
     scene = two_blocks("coarse")
-    sample = Sample(scene, case, k=np.zeros(scene.w.size))
-    found = sample.modes(offline(scene, case))
-    assert sample.agrees(found) < 1e-8
-    rigid = np.abs(found.s) <= 1e-4 * HIGH
-    verdicts = np.array(found.verdict)
-    assert rigid.sum() >= 1 and set(verdicts[rigid]) == {"neutral"}
-    assert "unstable" not in verdicts
+    found = held(scene, 1e-8, case, k=np.zeros(scene.w.size))
+    assert rigid_verdicts(found, 1) == {"neutral"} and "unstable" not in found.verdict
 
 
 @pytest.mark.parametrize("factor", [1e-3, 0.1, 1e3, 1e4, 1e5])
@@ -35,9 +46,7 @@ def test_contact_softer_and_stiffer_than_usual(two_blocks, factor, share):
     scene = two_blocks("coarse")
     k = np.full(scene.w.size, K0)
     k[: int(share * k.size)] *= factor
-    sample = Sample(scene, mu=0.5, k=k)
-    found = sample.modes(offline(scene))
-    assert sample.agrees(found) < 1e-5
+    held(scene, 1e-5, k=k)
 
 
 @pytest.mark.parametrize("mu", [0.0, 1.0])
@@ -46,8 +55,7 @@ def test_stiffness_from_a_thousandth_to_a_million(two_blocks, mu):
     scene = two_blocks("guided")
     n = scene.w.size
     for k in (10 ** np.linspace(9, 15, n), np.where(np.arange(n) == n // 2, K0, 0.0)):
-        sample = Sample(scene, mu=mu, k=k)
-        assert sample.agrees(sample.modes(offline(scene))) < 2e-5
+        held(scene, 2e-5, mu=mu, k=k)
 
 
 @pytest.mark.parametrize("x", [(), (-1.0, 1.0)], ids=["constant", "changing"])
@@ -55,8 +63,7 @@ def test_stiffness_from_a_thousandth_to_a_million(two_blocks, mu):
 def test_penalty_of_perfect_contact(two_blocks, k, x):
     """The interface is nearly a constraint: errors and estimated errors grow together."""
     scene = two_blocks("coarse")
-    sample = Sample(scene, x=x, mu=0.5, k=np.full(scene.w.size, k))
-    assert sample.agrees(sample.modes(offline(scene, changing=bool(x)))) < 1e-4
+    held(scene, 1e-4, x=x, k=np.full(scene.w.size, k))
 
 
 @pytest.mark.parametrize("case", ["sliding", "falling"])
@@ -64,8 +71,7 @@ def test_penalty_of_perfect_contact(two_blocks, k, x):
 def test_rates_at_the_contact_alone(two_blocks, case, factor):
     """Bodies in powers of kappa, contact forces of rates, and soft to stiff contact."""
     scene = two_blocks("coarse")
-    sample = Sample(scene, case, mu=0.5, k=factor * scattered(scene, 4))
-    assert sample.agrees(sample.modes(offline(scene, case))) < 1e-5
+    held(scene, 1e-5, case, k=factor * scattered(scene, 4))
 
 
 def test_contact_all_but_rigid_and_damped(two_blocks):
@@ -108,20 +114,16 @@ def test_friction_that_couples_modes_far_apart(two_blocks):
 def test_moduli_within_a_half(two_blocks):
     """Compliance changes by a factor of three: a higher cutoff, larger estimated errors."""
     scene = two_blocks("coarse")
-    model = offline(scene, changing=True, spread=0.5)
-    assert model.complete_up_to > 1.7 * BAND[1]
+    assert offline(scene, "undamped", True, 0.5).complete_up_to > 1.7 * BAND[1]
     for x, seed in (((-1.0, -1.0), 9), ((0.3, 0.9), 10), ((-0.5, 0.7), 11)):
-        sample = Sample(scene, x=x, seed=seed, spread=0.5)
-        assert sample.agrees(sample.modes(model)) < 1e-3
+        held(scene, 1e-3, x=x, seed=seed, spread=0.5)
 
 
 @pytest.mark.parametrize("x", [(1.1, -1.1), (-1.1, -1.1)])
 @pytest.mark.parametrize("case", ["undamped", "layers"])
 def test_points_hardly_beyond_the_box(two_blocks, case, x):
     """Outside the range by a tenth of its half width: larger errors, also in the estimates."""
-    scene = two_blocks("coarse")
-    sample = Sample(scene, case, x, seed=3)
-    assert sample.agrees(sample.modes(offline(scene, case, changing=True))) < 5e-5
+    held(two_blocks("coarse"), 5e-5, case, x=x, seed=3)
 
 
 @pytest.mark.parametrize("case", [pytest.param("contrast", marks=pytest.mark.slow), "layers"])
@@ -129,36 +131,25 @@ def test_losses_a_thousand_times_apart(two_blocks, case):
     """Loss factors of two bodies, and within the changing body: non-proportional damping."""
     scene = two_blocks("coarse")
     for x, mu in (((-1.0, -1.0), 1.0), ((0.6, -0.3), 0.0)):
-        sample = Sample(scene, case, x, mu, seed=2)
-        assert sample.agrees(sample.modes(offline(scene, case, changing=True))) < 1e-5
+        held(scene, 1e-5, case, x=x, mu=mu, seed=2)
 
 
 @pytest.mark.parametrize("case", ["layers", pytest.param("all", marks=pytest.mark.slow)])
 def test_nothing_held_but_by_contact(two_blocks, case):
     """Free bodies, non-proportional damping, one rotates: rigid-body modes are neutral."""
-    scene = two_blocks("free")
-    sample = Sample(scene, case, (0.5, -0.8), 0.3, seed=5)
-    found = sample.modes(offline(scene, case, changing=True))
-    assert sample.agrees(found) < 1e-5
-    rigid = np.abs(found.s) <= 1e-4 * HIGH
-    assert rigid.sum() >= 6
-    assert "unstable" not in np.array(found.verdict)[rigid]
+    found = held(two_blocks("free"), 1e-5, case, x=(0.5, -0.8), mu=0.3, seed=5)
+    assert "unstable" not in rigid_verdicts(found, 6)
 
 
 def test_damping_beyond_the_series(two_blocks):
     """One layer is nearly a dashpot: an error message before any sample is solved."""
-    scene = two_blocks("coarse")
     with pytest.raises(InaccurateResult, match=r"damping too large|not positive definite"):
-        offline(scene, "dashpot", changing=True)
+        offline(two_blocks("coarse"), "dashpot", changing=True)
 
 
 def test_rates_that_vanish(two_blocks):
     """Damping only at the contact, and zero: the modes of the undamped problem."""
-    scene = two_blocks("coarse")
-    sample = Sample(scene, "sliding", mu=0.0, seed=6)
-    found = sample.modes(offline(scene, "sliding"))
-    assert sample.agrees(found) < 2e-6
-    assert "unstable" not in found.verdict
+    assert "unstable" not in held(two_blocks("coarse"), 2e-6, "sliding", mu=0.0, seed=6).verdict
 
 
 def test_material_that_is_not_positive_definite_somewhere(two_blocks):
@@ -200,13 +191,13 @@ def test_clamped_bodies_without_a_mode(two_blocks):
     assert len(model.modes(np.full(scene.w.size, K0), 0.5)) == 0
 
 
-def onsets(number, most=1.0):
-    """Frictions at which a number changes, to round-off, and its value below."""
-    for low, high in pairwise(np.linspace(0.02, most, 15)):
+def onsets(number, frictions, halvings=46):
+    """Frictions at which a number changes, to round-off."""
+    for low, high in pairwise(frictions):
         below = number(low)
         if number(high) == below:
             continue
-        for _ in range(46):
+        for _ in range(halvings):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if number(middle) == below else (low, middle)
         yield low
@@ -225,7 +216,7 @@ def test_next_to_the_merging_of_two_modes(two_blocks, seed):
         s = Sample(scene, mu=mu, k=k).modes(model).s
         return int(np.sum(s.real > 1e-6 * np.abs(s)))
 
-    for onset in onsets(growing, 3.0):
+    for onset in onsets(growing, np.linspace(0.02, 3.0, 15)):
         number += 1
         for side in (-1e-2, -1e-6, -1e-9, 1e-9, 1e-6, 1e-2):
             sample = Sample(scene, mu=onset * (1 + side), k=k)
@@ -260,58 +251,32 @@ def test_merging_of_two_real_modes_of_a_large_random_system():
     values = np.sort(rng.uniform(0.05, 40, n)) * 1e9
     K = sp.diags(values).tocsr()
     K = (K + 1e5 * sp.diags([np.ones(n - 1), np.ones(n - 1)], [-1, 1])).tocsr()
-    M = sp.identity(n, format="csr")
-    N = sp.csr_matrix(rng.standard_normal((m, n)) * (rng.random((m, n)) < 0.2))
-    T = sp.csr_matrix(rng.standard_normal((m, n)) * (rng.random((m, n)) < 0.2))
+    N, T = (
+        sp.csr_matrix(rng.standard_normal((m, n)) * (rng.random((m, n)) < 0.2)) for _ in range(2)
+    )
     w, band = np.full(m, 1e-5), (0.0, np.sqrt(1e9) / 2 / np.pi)
-    model = Reduced(K, M, N, T, w, 1e11, band)
-    k = 10 ** rng.uniform(11, 13, m)
+    model = Reduced(K, sp.identity(n, format="csr"), N, T, w, 1e11, band)
+    k, number = 10 ** rng.uniform(11, 13, m), 0
 
     def exact(mu):
-        D = sp.diags(w * k)
-        return all_lambda(K + (N + mu * T).T @ D @ N, M)
+        return all_lambda(K + (N + mu * T).T @ sp.diags(w * k) @ N, np.eye(n))
 
     def unstable(mu):
         s = exact(mu)
         s = s[(s.imag > 10) & (s.imag <= 2 * np.pi * band[1])]
         return int(np.sum(s.real > 1e-7 * np.abs(s)))
 
-    number = 0
-    for low, high in pairwise(np.linspace(0.05, 2.0, 8)):
-        below = unstable(low)
-        if unstable(high) == below:
-            continue
-        for _ in range(30):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if unstable(middle) == below else (low, middle)
+    for onset in onsets(unstable, np.linspace(0.05, 2.0, 8), 30):
         for side in (-1e-3, -1e-6, -1e-8, 1e-8, 1e-6, 1e-3):
-            found = model.modes(k, low * (1 + side))
-            agrees(found, exact(low * (1 + side)), band)
-            number += 1
+            mu, number = onset * (1 + side), number + 1
+            agrees(model.modes(k, mu), exact(mu), band)
     assert number
 
 
-def test_free_blocks_at_full_order_have_their_rigid_modes(two_blocks):
-    """Two unsupported blocks have twelve rigid modes, none of them a divergence."""
-    scene = two_blocks("free")
-    found = complex_modes(scene.M, None, scene.K, (0.0, 60e3))
-    kappa = la.eigvalsh(scene.K.toarray(), scene.M.toarray())
-    assert found.count.expected == np.sum(kappa < HIGH**2)
-    assert "unstable" not in found.verdict
-    wanted = np.sqrt(kappa[12:][kappa[12:] < HIGH**2]) / 2 / np.pi
-    np.testing.assert_allclose(found.frequency[found.frequency > 100], wanted, rtol=1e-7)
-    assert np.all(found.residual < 1e-6), "of rigid modes too"
-
-
-def test_matrix_of_one_degree_of_freedom():
-    """One mass on one spring."""
-    found = complex_modes(sp.csr_matrix([[2.0]]), None, sp.csr_matrix([[8.0]]), (0.0, 1.0))
-    np.testing.assert_allclose(found.s, [2j], rtol=1e-12)
-
-
-def test_singular_mass_leaves_no_finite_mode_behind():
-    """The spectral transformation condenses a massless dof; the other mode is correct."""
-    K = sp.csr_matrix(np.array([[2.0, -1.0], [-1.0, 1.0]]))
-    M = sp.csr_matrix(np.diag([1.0, 0.0]))
-    found = complex_modes(M, None, K, (0.0, 1.0))
-    np.testing.assert_allclose(found.s, [1j], rtol=1e-9)
+@pytest.mark.parametrize(
+    ("K", "M", "s"), [([[8.0]], [[2.0]], 2j), ([[2.0, -1.0], [-1.0, 1.0]], np.diag([1.0, 0.0]), 1j)]
+)
+def test_one_mass_alone_and_with_a_node_without_mass(K, M, s):
+    """The spectral transformation condenses a massless dof; the mode is correct."""
+    found = complex_modes(sp.csr_matrix(M), None, sp.csr_matrix(K), (0.0, 1.0))
+    np.testing.assert_allclose(found.s, [s], rtol=1e-9)
