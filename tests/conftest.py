@@ -16,6 +16,15 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+# Groups of minutes, longest first: what begins last is short, and both workers end together.
+LONG = (
+    "test_extras", "test_displaced_meshes", "test_thicknesses", "test_registry", "drawn",
+    "test_budget_study", "test_masked", "test_damping_scene", "test_heights_of_builders",
+    "test_drivers", "test_inertia", "test_line", "test_real_meshes", "test_extensions",
+    "test_costs", "test_pipeline", "test_lay", "test_bodies", "test_executors", "test_spectrum",
+    "test_account", "test_sweep_of_a_scene", "test_bodies_by_matrices", "test_countermeasures",
+)  # fmt: skip
+
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
@@ -29,9 +38,16 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker("hard")
         shared = "drawn" if "drawn" in item.fixturenames else str(item.path)
         item.add_marker(pytest.mark.xdist_group(shared))
+    items.sort(key=_place)
     left_out = [item for item in items if not _runs(item)]
     config.hook.pytest_deselected(items=left_out)
     items[:] = [item for item in items if _runs(item)]
+
+
+def _place(item):
+    """Place of a test's group among the long ones, or behind them."""
+    name = "drawn" if "drawn" in item.fixturenames else item.path.stem
+    return LONG.index(name) if name in LONG else len(LONG)
 
 
 def _runs(item):
