@@ -1,7 +1,7 @@
 """What the README and the pages promise is so."""
 
 import re
-import subprocess
+import runpy
 import sys
 import tomllib
 from pathlib import Path
@@ -98,11 +98,14 @@ def test_every_option_written_in_a_page_is_one_of_its_command():
     "bench_limit_cycle", "cli_reference", "example_inputs", "hard_cases", "make_scan",
     "measured_solids", "mesh_picture", "scene_reference",
 ])  # fmt: skip
-def test_help_of_a_script_that_takes_a_file_makes_none(name, tmp_path):
-    command = [sys.executable, ROOT / "scripts" / f"{name}.py", "--help"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("usage:") and not [*tmp_path.iterdir()]
+def test_help_of_a_script_that_takes_a_file_makes_none(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    monkeypatch.setattr(sys, "argv", [name, "--help"])
+    with pytest.raises(SystemExit) as stop:
+        runpy.run_path(str(ROOT / "scripts" / f"{name}.py"), run_name="__main__")
+    assert stop.value.code == 0 and capsys.readouterr().out.startswith("usage:")
+    assert not [*tmp_path.iterdir()]
 
 
 def test_interruption_ends_with_130(monkeypatch, tmp_path, capsys):
