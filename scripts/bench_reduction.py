@@ -43,8 +43,8 @@ from brake_fenicsx.stability import (
     split_substructures,
 )
 from brake_fenicsx.stability.damping_matrices import sliding_damping, velocity_slope
+from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.modes import THRESHOLD
-from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.substructures import CONSTANT
 
 SCENES = Path(__file__).parent / "scenes"

@@ -16,7 +16,7 @@ from brake_fenicsx import prepare
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.pipeline import assemble
 from brake_fenicsx.samples.solve import linearised
-from brake_fenicsx.stability.operators import tangent
+from brake_fenicsx.stability.eigen import tangent
 from dense_reference import all_damped, all_lambda
 
 DAMPING = ("none", "rayleigh", "loss", "sliding", "slope", "mixed")

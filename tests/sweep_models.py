@@ -35,7 +35,6 @@ def modes_of(M, C, K):
         error,
         size / np.maximum(overlap, 1e-300),
         Count(s.size, "proven", "dense"),
-        0,
         0.0,
         s.real == 0,
     )

@@ -35,9 +35,9 @@ from brake_fenicsx.stability.derivatives import (
     slope_of,
     trusted,
 )
+from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.eigensolvers.eigenpairs import QuadraticPencil, inner
 from brake_fenicsx.stability.modes import Complex, Modes
-from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.substructures.vectors import ContactMotions
 
 from .equilibria import Equilibria

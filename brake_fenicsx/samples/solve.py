@@ -17,8 +17,8 @@ from brake_fenicsx.folder.extras import spared
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.stability import Modes, complex_modes, contact_interface
+from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.modes import relative_errors
-from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.participation import damped_partners, energy_shares, flutter_partners
 from brake_fenicsx.stability.substructures import ContactLinearisation
 

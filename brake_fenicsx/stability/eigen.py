@@ -20,22 +20,43 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
+import scipy.sparse as sp
 
 from brake_fenicsx.arguments import frequency_band
-from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
-from brake_fenicsx.macro.solver import whole
+from brake_fenicsx.errors import InaccurateResult, NotConverged
+from brake_fenicsx.macro.solver import whole, with_interface
 
 from .damped_count import counted
 from .eigensolvers.arnoldi import times
 from .eigensolvers.eigenpairs import ROUND_OFF, QuadraticPencil, paired, residuals, undamped_errors
-from .eigensolvers.rows import undamped_rows
 from .eigensolvers.symmetric import LARGEST_SHIFT, shifted_factor, symmetric_modes
 from .full.damped import damped_modes
 from .full.dense import DENSE, small_modes
 from .full.eigenproblem import Found, SplitProblem
 from .full.friction_modes import friction_modes
 from .full.interface import Interface, difference_interface
-from .modes import Counting, Modes, counted_rows
+from .modes import Array, Counting, Modes, counted_rows, undamped_rows
+
+
+def tangent(
+    K: Any, N: sp.csr_matrix, T: sp.csr_matrix, w: Array, k: Array, mu: float | Array
+) -> Any:
+    """K + N'W k N + T'W mu k N; non-symmetric where mu is not zero.
+
+    Args:
+        K: elastic stiffness [N/m], SciPy sparse or PETSc.
+        N: gap operator, shape (elements, dofs).
+        T: slip operator, shape (elements, dofs).
+        w: areas [m^2].
+        k: contact stiffness [Pa/m].
+        mu: friction coefficient, one or one per element.
+
+    Returns:
+        A new matrix, CSR.
+    """
+    # The pressures' work on N + mu T, the gaps' change through N.
+    left = (N + sp.diags(np.broadcast_to(mu, w.shape)) @ T).tocsr() if np.any(mu) else N
+    return with_interface(whole(K), left, w * k, N)
 
 
 def complex_modes(
@@ -43,7 +64,6 @@ def complex_modes(
     C: Any,
     K: Any,
     band: tuple[float, float],
-    method: str = "full",
     tolerance: float = 1e-9,
     zeta_max: float = 0.1,
     frictionless: Any = None,
@@ -58,7 +78,6 @@ def complex_modes(
         K: stiffness [N/m], not symmetric where there is friction. The processes of a distributed
             matrix must call together; each gathers the whole of it and solves for itself.
         band: lowest and highest frequency [Hz].
-        method: "full".
         tolerance: relative residual of every mode.
         zeta_max: largest damping ratio looked for; bounds the imaginary parts of kappa.
         frictionless: for non-symmetric K the same stiffness at mu = 0; the symmetric half of K if
@@ -72,12 +91,10 @@ def complex_modes(
         The modes, sorted by frequency, one of each conjugate pair.
 
     Raises:
-        SceneError: unknown method, or a band that is none.
+        SceneError: a band that is none.
         NotConverged: the eigensolver leaves a mode unconverged.
         InaccurateResult: the modes found are not as many as were counted.
     """
-    if method != "full":
-        raise SceneError(f"method {method!r}: complex_modes knows 'full'; see ReducedModel")
     band = frequency_band(band)
     start = time.perf_counter()
     problem = _problem(K, M, frictionless, friction)
@@ -136,7 +153,7 @@ def _symmetric(p: SplitProblem, high: float) -> Found:
     shifted[0].destroy()
     shapes = modes.Phi.astype(complex)
     counting = Counting("proven", "inertia of K - kappa M")
-    return Found(modes.kappa.astype(complex), shapes, shapes, counting, modes.blocks)
+    return Found(modes.kappa.astype(complex), shapes, shapes, counting)
 
 
 def _record(
@@ -166,5 +183,5 @@ def _record(
         )
     return Modes(
         lam, f.right[:, order], left[:, order], residual[order], spread, condition[order],
-        counted_rows(lam, f.counting, zeta_max), f.iterations, time.perf_counter() - start, real,
+        counted_rows(lam, f.counting, zeta_max), time.perf_counter() - start, real,
     )  # fmt: skip

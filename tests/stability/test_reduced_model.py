@@ -232,7 +232,7 @@ def test_a_hidden_mode_of_a_body_is_noticed(two_blocks, monkeypatch):
 
     def hide(*args, **kwargs):
         found = real(*args, **kwargs)
-        return type(found)(found.Phi[:, 1:], found.Lambda[1:], found.residual, found.blocks)
+        return type(found)(found.Phi[:, 1:], found.Lambda[1:])
 
     monkeypatch.setattr(reduction, "lowest_modes", hide)
     with pytest.raises(InaccurateResult, match="inertia"):

@@ -129,7 +129,7 @@ def elastic_modes(
     if shifted is None:
         raise InaccurateResult(f"{where}: its stiffness is indefinite")
     found = symmetric_modes(K, M, *shifted, end)
-    found.factor.destroy()
+    shifted[0].destroy()
     frequency = np.sqrt(np.maximum(found.kappa, 0.0)) / (2 * np.pi)
     elastic = frequency > RIGID * highest
     return frequency[elastic], found.Phi[:, elastic], int(np.sum(~elastic))

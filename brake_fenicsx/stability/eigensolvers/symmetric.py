@@ -35,24 +35,16 @@ class Symmetric:
     """Modes of K_s phi = kappa M phi below a limit.
 
     Attributes:
-        K: K_s [N/m].
-        M: mass [kg].
         sigma: shift, negative [1/s^2].
-        factor: factor of S = K_s - sigma M.
         Phi: M-orthonormal shapes, shape (dofs, modes).
         kappa: eigenvalues [1/s^2], ascending.
         limit: up to it all were looked for [1/s^2].
-        blocks: block solves of the Lanczos process.
     """
 
-    K: sp.csr_matrix
-    M: sp.csr_matrix
     sigma: float
-    factor: Factor
     Phi: Array
     kappa: Array
     limit: float
-    blocks: int
 
 
 def shifted_factor(
@@ -127,20 +119,19 @@ def symmetric_modes(
         InaccurateResult: inertia counts another number.
     """
     counted = count_below(K, M, limit)
-    modes = modes_not_counted(K, M, factor, sigma, limit, counted[0])
+    modes = modes_not_counted(M, factor, sigma, limit, counted[0])
     inside, limit = complete(K, M, modes.kappa, counted)
     Phi, kappa = _polished(K, M, factor, modes.Phi[:, inside])
     return replace(modes, Phi=Phi, kappa=kappa, limit=limit)
 
 
 def modes_not_counted(
-    K: sp.csr_matrix, M: sp.csr_matrix, factor: Factor, sigma: float, limit: float,
+    M: sp.csr_matrix, factor: Factor, sigma: float, limit: float,
     expected: int = 0, tolerance: float = 1e-9,
 ) -> Symmetric:  # fmt: skip
     """Modes up to a limit, and a little beyond as far as a count may move it.
 
     Args:
-        K: K_s [N/m].
         M: mass [kg].
         factor: factor of K_s - sigma M.
         sigma: the shift [1/s^2].
@@ -154,7 +145,7 @@ def modes_not_counted(
     cutoff = limit * (1 + 2 * MOVED) - sigma
     found = lowest_modes(factor, M, cutoff, tolerance, expected)
     release_memory()
-    return Symmetric(K, M, sigma, factor, found.Phi, found.Lambda + sigma, limit, found.blocks)
+    return Symmetric(sigma, found.Phi, found.Lambda + sigma, limit)
 
 
 def complete(

@@ -45,13 +45,13 @@ def small_modes(p: SplitProblem, low: float, high: float, zeta_max: float) -> Fo
     if p.symmetric:
         expected, at = count_below(p.K, p.M, high)
         agree(int(np.sum(kappa.real < at)), expected, high, "inertia")
-        return Found(kappa, right, left, Counting("proven", "inertia of K - kappa M"), 1)
+        return Found(kappa, right, left, Counting("proven", "inertia of K - kappa M"))
     K, M = p.K.toarray(), p.M.toarray()
     region = undamped_region(kappa, low, high, zeta_max)
     expected = count_zeros(lambda z: K - z * M, region, kappa)
     agree(int(region.holds(kappa).sum()), expected, high, "the winding number")
     counting = Counting("proven", "winding number of det(K - kappa M)")
-    return Found(kappa, right, left, counting, 1)
+    return Found(kappa, right, left, counting)
 
 
 def dense_modes(p: SplitProblem, high: float) -> tuple[Complex, Complex, Complex]:

@@ -67,14 +67,12 @@ class Found:
         right: right vectors, shape (dofs, modes).
         left: left vectors, psi^H K = kappa psi^H M.
         counting: how their number was counted.
-        iterations: block solves or restarts.
     """
 
     kappa: Complex
     right: Complex
     left: Complex
     counting: Counting
-    iterations: int
 
 
 def agree(found: int, expected: int, high: float, by: str) -> None:

@@ -16,8 +16,8 @@ from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import BlockProduct
 
 from ..eigensolvers.argument_principle import RIM, undamped_reach, undamped_region
-from ..eigensolvers.arnoldi import BLOCK, combined, nearest_modes, with_conjugates
-from ..eigensolvers.eigenpairs import matched
+from ..eigensolvers.arnoldi import BLOCK, combined, nearest_modes
+from ..eigensolvers.eigenpairs import both_sides
 from ..eigensolvers.symmetric import complete, count_below, modes_not_counted, shifted_factor
 from ..modes import Counting
 from .eigenproblem import Found, SplitProblem, agree
@@ -77,7 +77,7 @@ def friction_modes(
     pencil, limit = (p.frictionless, p.M), LIMIT * reach
 
     def without_friction() -> tuple[InterfaceModes, Array, Array]:
-        found = modes_not_counted(*pencil, factor, sigma, limit, tolerance=FRICTIONLESS)
+        found = modes_not_counted(p.M, factor, sigma, limit, tolerance=FRICTIONLESS)
         band, lowest = (found.Phi[:, found.kappa <= end] for end in (reach, LOW * limit))
         return at_interface(found, friction), _starting_block(band), np.asfortranarray(lowest)
 
@@ -88,7 +88,7 @@ def friction_modes(
     (modes, start, lowest), (counted, known) = in_turns(2, lambda i: parts[i](), comm)
     modes = below(modes, *complete(*pencil, modes.kappa, counted))
     inverse = Inverse(factor, friction, known)
-    kappa, right, left, steps = _both_sides(p, inverse, modes, reach, start, comm)
+    kappa, right, left = _both_sides(p, inverse, modes, reach, start, comm)
     del inverse
     known = replace(known, SL=None)
     region = undamped_region(kappa, low, high, zeta_max)
@@ -107,7 +107,7 @@ def friction_modes(
     how = f"winding number on the interface of rank {friction.rank} ({bound})"
     agree(int(region.holds(kappa).sum()), proof.count, high, f"the {how}")
     how = f"inertia without friction, {how}" + ("" if proven else p.remedy)
-    return Found(kappa, right, left, Counting("proven" if proven else "counted", how), steps)
+    return Found(kappa, right, left, Counting("proven" if proven else "counted", how))
 
 
 def _starting_block(Phi: Array) -> Array:
@@ -126,13 +126,12 @@ def _both_sides(
     reach: float,
     start: Array,
     comm: MPI.Comm,
-) -> tuple[Complex, Complex, Complex, int]:
+) -> tuple[Complex, Complex, Complex]:
     """Right and left eigenpairs, conjugates included."""
     expected = int(np.sum(modes.kappa <= reach)) + 1
-
     mass = BlockProduct(p.M)
 
-    def side(transposed: bool) -> tuple[Complex, Complex, int]:
+    def side(transposed: bool) -> tuple[Complex, Complex]:
         found = nearest_modes(
             lambda b: inverse(mass(b), transposed),
             *(p.M.shape[0], modes.sigma, RIM * reach, expected),
@@ -142,8 +141,4 @@ def _both_sides(
         release_memory()
         return found
 
-    (kappa, right, steps), (other, left, more) = in_turns(2, lambda i: side(i > 0), comm)
-    # Both of each pair: round-off splits a true doublet into a pair on one side alone.
-    (kappa, right), (other, left) = with_conjugates(kappa, right), with_conjugates(other, left)
-    i, j = matched(kappa, other, modes.sigma, reach)
-    return kappa[i], right[:, i], left[:, j].conj(), steps + more
+    return both_sides(side, modes.sigma, reach, comm)

@@ -25,7 +25,7 @@ from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.macro.solver import petsc_matrix
 
 from ..eigensolvers.argument_principle import RIM, opening
-from ..eigensolvers.eigenpairs import matched
+from ..eigensolvers.eigenpairs import both_sides
 from ..eigensolvers.symmetric import count_below
 from .eigenproblem import Found, SplitProblem
 
@@ -52,30 +52,33 @@ def general_modes(p: SplitProblem, high: float, zeta_max: float, tolerance: floa
     sigma = 0.5 * high * (1 + 1.234e-7)
     reach = 1.001 * high * np.hypot(0.52, opening(zeta_max))
     wanted = count_below(p.frictionless, p.M, RIM * high)[0] + 10
-    right, X, steps = _within(p.K, p.M, sigma, RIM * reach, wanted, tolerance)
-    left, Y, more = _within(p.K.T.tocsr(), p.M.T.tocsr(), sigma, RIM * reach, wanted, tolerance)
-    i, j = matched(right, left, sigma, reach)
+
+    def side(transposed: bool) -> tuple[Complex, Complex]:
+        K, M = (A.T.tocsr() if transposed else A for A in (p.K, p.M))
+        return _within(K, M, sigma, RIM * reach, wanted, tolerance)
+
     counting = p.not_low_rank if p.friction is None else p.indefinite
-    return Found(right[i], X[:, i], Y[:, j].conj(), counting, steps + more)
+    return Found(*both_sides(side, sigma, reach), counting)
 
 
 def _within(
     K: sp.csr_matrix, M: sp.csr_matrix, sigma: float, reach: float, wanted: int, tolerance: float
-) -> tuple[Complex, Complex, int]:
-    """All eigenpairs within reach of a shift, and some beyond; restarts."""
+) -> tuple[Complex, Complex]:
+    """Eigenpairs within reach of a shift and some beyond, one of each conjugate pair."""
     pair, n = (petsc_matrix(K), petsc_matrix(M)), K.shape[0]
     while True:
-        kappa, X, steps = _nearest(*pair, sigma, min(wanted, n), tolerance)
+        kappa, X = _nearest(*pair, sigma, min(wanted, n), tolerance)
         distance = np.abs(kappa - sigma)
         if kappa.size >= n or distance.max() > reach:
-            return kappa, X, steps
+            one = np.flatnonzero(kappa.imag >= 0)
+            return kappa[one], X[:, one]
         wanted = max(int(1.5 * wanted), wanted + 10)
 
 
 def _nearest(
     K: PETSc.Mat, M: PETSc.Mat, sigma: float, wanted: int, tolerance: float
-) -> tuple[Complex, Complex, int]:
-    """The eigenpairs nearest to a real shift, both of each conjugate pair; restarts."""
+) -> tuple[Complex, Complex]:
+    """The eigenpairs nearest to a real shift, both of each conjugate pair."""
     eps = SLEPc.EPS().create(K.comm)
     eps.setOptionsPrefix("brake_eigen_")
     eps.setOperators(K, M)
@@ -105,6 +108,5 @@ def _nearest(
     for i in range(got):
         kappa[i] = eps.getEigenpair(i, x, y)
         X[:, i] = x.array_r + 1j * y.array_r
-    steps = eps.getIterationNumber()
     eps.destroy()
-    return kappa, X, steps
+    return kappa, X

@@ -24,8 +24,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.memory import release_memory
 
 from ..eigensolvers.arnoldi import with_conjugates
-from ..eigensolvers.rows import damped_rows, undamped_rows
-from ..modes import Complex, Count, Counting, Modes
+from ..modes import Complex, Count, Counting, Modes, damped_rows, undamped_rows
 from .block_matrix import BlockMatrix, Chosen, assembled
 from .component import AtPoint, Component, Placed, placed
 from .contact_linearisation import ContactLinearisation
@@ -468,7 +467,7 @@ class ReducedModel:
         size = np.where(np.abs(lam) > spread, np.abs(lam), np.maximum(spread, omega))
         return Modes(
             lam, right[:, order], left[:, order], 2 * spread / condition / size, spread, condition,
-            Count(lam.size, *counting), 0, time.perf_counter() - start, real,
+            Count(lam.size, *counting), time.perf_counter() - start, real,
         )  # fmt: skip
 
 
