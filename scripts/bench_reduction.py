@@ -37,9 +37,9 @@ from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.stability import (
     ContactLinearisation,
     Modes,
-    ReducedModel,
     complex_modes,
     contact_interface,
+    reduce_bodies,
     split_substructures,
 )
 from brake_fenicsx.stability.damping_matrices import sliding_damping, velocity_slope
@@ -120,7 +120,7 @@ class Case:
         start = time.perf_counter()
         bodies = split_substructures(self.K, self.M, interface, b.f[:, None], changes, C, points)
         followed = "N" + "T" * (kind in ALONG) + "R" * (kind in ACROSS)
-        self.model = ReducedModel.offline(
+        self.model = reduce_bodies(
             bodies, b.w, self.band, box, followed, given.tolerance, given.cutoff
         )
         self.offline = time.perf_counter() - start

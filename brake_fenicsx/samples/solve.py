@@ -93,9 +93,9 @@ def reduced_modes(
         eq: its equilibrium.
         line: the sample at other values of a parameter.
     """
-    contact = linearised(sample, eq.k_vibration, eq.p)
-    zeta_max, model = _settings(models).zeta_max, models.reduction.of(sample)
-    return model.modes(sample.brake.point, contact, zeta_max, line)
+    contact, model = linearised(sample, eq.k_vibration, eq.p), models.reduction.of(sample)
+    given = sample.brake.point, contact, _settings(models).zeta_max
+    return model.modes(*given) if line is None else line.modes(model, *given)
 
 
 def full_modes(

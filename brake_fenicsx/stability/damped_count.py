@@ -17,7 +17,7 @@ from .eigensolvers.symmetric import SHIFT, count_below
 from .full.eigenproblem import SplitProblem
 from .modes import Complex, Counting
 from .substructures.contact_linearisation import ContactLinearisation
-from .substructures.reduced_model import ReducedModel
+from .substructures.offline import reduce_bodies
 from .substructures.substructure import Substructure
 
 # The count needs the number of zeros, not their digits.
@@ -55,7 +55,7 @@ def counted(
     # Friction left' right with springs of 1 N/m, and nothing along the gaps.
     contact = ContactLinearisation(0 * one, one, 0 * one, 0 * one)
     try:
-        model = ReducedModel.offline([body], one, (0.0, high / 2 / np.pi), tolerance=TOLERANCE)
+        model = reduce_bodies([body], one, (0.0, high / 2 / np.pi), tolerance=TOLERANCE)
     except InaccurateResult as error:
         if count_below(p.frictionless, p.M, -SHIFT * high**2)[0] > 0:
             return p.indefinite

@@ -16,7 +16,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.stability import ReducedModel, split_substructures
+from brake_fenicsx.stability import reduce_bodies, split_substructures
 from brake_fenicsx.stability.substructures import CONSTANT
 from brake_fenicsx.stability.substructures.substructure import ModalRatio, mirror_image
 from coarse_block import BLOCK, ROUGH
@@ -48,7 +48,7 @@ def zeta_of(number, f):
 def reduced(scene, changing):
     bodies = with_ratios(substructures(scene, "undamped", changing))
     parameters = box(scene, "undamped") if changing else CONSTANT
-    return ReducedModel.offline(bodies, scene.w, BAND, parameters)
+    return reduce_bodies(bodies, scene.w, BAND, parameters)
 
 
 def test_modes_of_parts_alone_have_their_ratio(two_blocks):
@@ -116,7 +116,7 @@ def test_modes_beyond_the_cutoff_are_damped_too(two_blocks):
         C[np.ix_(body.dofs, body.dofs)] = M @ W @ np.diag(damping) @ W.T @ M
     dense = Dense(sample.M, sp.csr_matrix(C), sample.K, HIGH, ZETA)
     for cutoff in (None, 1.5 * BAND[1], 4 * BAND[1]):
-        model = ReducedModel.offline(bodies, scene.w, BAND, cutoff=cutoff)
+        model = reduce_bodies(bodies, scene.w, BAND, cutoff=cutoff)
         s = sample.modes(model).s
         s = s[s.imag > 1e-3 * HIGH]
         alpha = np.array([dense.sharp(value) for value in s]).real

@@ -21,13 +21,14 @@ from brake_fenicsx.stability import (
     Reduced,
     ReducedModel,
     complex_modes,
+    reduce_bodies,
 )
 from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.substructures import CONSTANT, reduction
-from brake_fenicsx.stability.substructures.complement import Complement
 from brake_fenicsx.stability.substructures.interpolated import InterpolatedCoefficients
 from brake_fenicsx.stability.substructures.parameters import Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros
+from brake_fenicsx.stability.substructures.seen_body import Complement
 from brake_fenicsx.stability.substructures.substructure import mirror_image
 from brake_fenicsx.stability.substructures.vectors import SETTLED
 from dense_reference import agrees, all_lambda
@@ -195,7 +196,7 @@ def test_what_was_made_earlier_gives_the_same_bytes(two_blocks, changing, tmp_pa
     """The arrays of the bodies, mapped from the file that a first run left."""
     scene, store = two_blocks("coarse"), Store(tmp_path)
     parameters = box(scene, "loss") if changing else CONSTANT
-    first = ReducedModel.offline(
+    first = reduce_bodies(
         substructures(scene, "loss", changing), scene.w, BAND, parameters,
         keep=lambda arrays: store.save("model.npz", **arrays) or arrays,
     )  # fmt: skip
@@ -236,7 +237,7 @@ def test_a_hidden_mode_of_a_body_is_noticed(two_blocks, monkeypatch):
 
     monkeypatch.setattr(reduction, "lowest_modes", hide)
     with pytest.raises(InaccurateResult, match="inertia"):
-        Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, K0, BAND, comm=scene.comm)
+        Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, BAND, comm=scene.comm)
 
 
 @pytest.mark.together
@@ -249,7 +250,7 @@ def test_a_failure_of_one_process_is_raised_on_all(two_blocks, monkeypatch):
 
     monkeypatch.setattr(reduction, "lowest_modes", fail)
     with pytest.raises(NotConverged, match="said by the test"):
-        Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, K0, BAND, comm=scene.comm)
+        Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, BAND, comm=scene.comm)
 
 
 def test_bodies_are_taken_apart(two_blocks):
@@ -299,7 +300,7 @@ def test_mirror_images_share_the_work(two_blocks, rows):
     scene = two_blocks("coarse", alone=True)
     twin = mirrored(scene)
     made = [
-        ReducedModel.offline(
+        reduce_bodies(
             split_substructures(twin.K, twin.M, twin.interface, points=points),
             twin.w, BAND, followed=rows,
         )
@@ -351,8 +352,8 @@ def test_a_body_that_turns_the_other_way_is_no_image(two_blocks, sense, images):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (dict(k0=0.0), r"k0 = 0: positive finite"),
-        (dict(k0=-1.0), r"k0 = -1: positive finite"),
+        (dict(w=np.zeros(1)), r"N: a sparse matrix of shape \(1, \d+\) is needed"),
+        (dict(w="zero"), r"w = 0: positive finite"),
         (dict(K="dense"), None),
         (dict(N="short"), r"N: a sparse matrix of shape \(\d+, \d+\) is needed"),
         (dict(w="list"), None),
@@ -368,17 +369,19 @@ def test_arguments_that_do_not_fit_are_one_line(two_blocks, change, said):
     """Of the scripted interface: no NumPy error, no answer."""
     scene = two_blocks("coarse", alone=True)
     n = scene.w.size
-    given = {"K": scene.K, "N": scene.N, "w": scene.w, "k0": K0, "band": BAND, "tolerance": 1e-5}
+    given = {"K": scene.K, "N": scene.N, "w": scene.w, "band": BAND, "tolerance": 1e-5}
     k, mu = np.full(n, K0), 0.5
-    named = {"dense": scene.K.toarray(), "short": scene.N[:-1], "list": list(scene.w),
-             "negative": np.r_[-1.0, k[1:]], "nan": np.r_[np.nan, k[1:]]}  # fmt: skip
+    named = {
+        "dense": scene.K.toarray(), "short": scene.N[:-1], "list": list(scene.w),
+        "zero": 0 * scene.w, "negative": np.r_[-1.0, k[1:]], "nan": np.r_[np.nan, k[1:]],
+    }  # fmt: skip
     change = {key: named.get(v, v) if isinstance(v, str) else v for key, v in change.items()}
     k, mu = change.pop("k", k), change.pop("mu", mu)
     given |= change
 
     def run():
         made = Reduced(
-            given["K"], scene.M, given["N"], scene.T, given["w"], given["k0"], given["band"],
+            given["K"], scene.M, given["N"], scene.T, given["w"], given["band"],
             given["tolerance"],
         )  # fmt: skip
         return made.modes(k, mu)
@@ -452,7 +455,7 @@ def test_band_that_starts_above_zero(two_blocks):
     k = scattered(scene, 1)
     s = all_lambda(scene.tangent(k, mu), scene.M)
     inside = s[(s.imag >= 2 * np.pi * band[0]) & (s.imag <= 2 * np.pi * band[1])]
-    found = Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, K0, band).modes(k, mu)
+    found = Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, band).modes(k, mu)
     assert len(found) == found.count.expected == inside.size
     assert found.frequency.min() >= band[0]
 
@@ -461,7 +464,7 @@ def test_petsc_matrices_and_a_communicator(two_blocks):
     """PETSc matrices are taken as they are."""
     scene = two_blocks("coarse", alone=True)
     K, M = petsc_matrix(scene.K), petsc_matrix(scene.M)
-    made = Reduced(K, M, scene.N, scene.T, scene.w, K0, BAND, comm=MPI.COMM_SELF)
+    made = Reduced(K, M, scene.N, scene.T, scene.w, BAND, comm=MPI.COMM_SELF)
     k = scattered(scene, 2)
     exact = all_lambda(scene.tangent(k, 0.5), scene.M)
     assert agrees(made.modes(k, 0.5), exact, BAND)[0] < 2e-6

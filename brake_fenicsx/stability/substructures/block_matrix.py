@@ -9,11 +9,14 @@ f that they make,
 and with loads q the terms load(w) q and push(w) q on the right, load = W'F - D_XF, push = -D_OF;
 the letters those of ``seen_body``. Each is a polynomial in w, summed over the bodies here and
 nowhere else. Samples, lines of them, equilibrium and limit cycles are algebra on it.
+
+At equilibrium, lambda = 0, elastic coordinates are eliminated; those of a body that moves freely
+without contact, or nearly so, have no inverse and are kept.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,10 +24,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .component import AtPoint, Placed
-from .contact_rows import Rows
+from .contact_rows import SIGMA, Rows
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+
+# A kept mode is free if its frequency at the centre of the box lies below this share of the band's.
+FREE = 1e-2
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,3 +169,48 @@ def _square(rows: Index, columns: Index) -> tuple[Any, Any]:
         return slices[0], slices[1]
     first, second = np.ix_(rows, columns)
     return first, second
+
+
+def static_compliance(
+    b: BlockMatrix, free: NDArray[np.bool_], stiffness: Array, rows: Rows, omega: float
+) -> tuple[Array, Array, Array]:
+    """Static compliance: gaps and free coordinates; see ``macro.condensation.Compliance``.
+
+    Args:
+        b: the bodies seen from all contact elements.
+        free: kept modes that move freely, shape (kept modes,).
+        stiffness: typical one of the contact elements [N/m], shape (elements,): free coordinates
+            are scaled so that the gaps, and forces of this stiffness, are about as large as theirs.
+        rows: blocks of contact rows.
+        omega: end of the band [rad/s].
+
+    Returns:
+        Shapes (all, all), (all, elements) and (all, loads) [m/N], all: elements and coordinates.
+    """
+    n = stiffness.size
+    A, lead, load = (_at_rest(X, rows) for X in (b.own, b.lead, b.load))
+    D, gaps, push = (_at_rest([Y[:n] for Y in X], rows) for X in (b.D, b.source, b.push))
+    NN, NT, NF = D[:, :n], D[:, n : 2 * n], -push
+    forces = np.hstack([lead[:, : 2 * n], load, A[:, free]])
+    held = np.linalg.solve(A[np.ix_(~free, ~free)], forces[~free])
+    through, onto = gaps[:, ~free] @ held, forces[free] - A[np.ix_(free, ~free)] @ held
+    ends = np.cumsum([n, n, load.shape[1]])
+    (NN_, NT_, NF_, motion), (normal, slip, loads, Z) = (
+        np.hsplit(X, ends) for X in (through, onto)
+    )
+    NN, NT, NF, motion = NN + NN_, NT + NT_, NF + NF_, gaps[:, free] - motion
+    column = 1 / np.maximum(np.abs(motion).max(axis=0, initial=0.0), 1e-300)
+    row = 1 / np.maximum(np.abs(normal) @ stiffness, 1e-300)[:, None]
+    scale = 1 / omega**2
+    corner = row * (omega**2 * Z) * column - np.eye(free.sum())
+    return (
+        np.block([[0.5 * scale * (NN + NN.T), -motion * column], [row * normal, corner]]),
+        np.vstack([scale * NT, row * slip]),
+        np.vstack([scale * NF, row * loads]),
+    )
+
+
+def _at_rest(A: Iterable[NDArray[Any]], rows: Rows) -> Array:
+    """A polynomial in w at lambda = 0."""
+    w = -rows.shift if rows.damped else SIGMA
+    return np.asarray(sum(w**n * B for n, B in enumerate(A)), float)

@@ -20,14 +20,13 @@ from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers.lanczos import lowest_modes
 from ..eigensolvers.symmetric import count_below
-from .complement import Complement
 from .component import interface_at, matrices
 from .contact_rows import SIGMA, Rows
 from .frequency import Polynomial, imaginary_points, real_points
 from .interpolated import InterpolatedCoefficients
 from .parameters import Parameters
 from .sample_problem import ROUND_OFF
-from .seen_body import SeenBody
+from .seen_body import Complement, SeenBody
 from .substructure import Substructure
 
 Array = NDArray[np.float64]

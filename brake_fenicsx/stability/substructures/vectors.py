@@ -31,11 +31,11 @@ from brake_fenicsx.iteration import Steps, sizes
 from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
 from .block_matrix import Chosen, assembled
-from .complement import Complement
 from .component import Array, Component, Index, Placed
 from .contact_rows import Rows
 from .polynomials import Coefficients, applied
 from .sample import Sample
+from .seen_body import Complement
 
 # Steps at most for motions and for vectors, and the relative error at which they end.
 STEPS, SETTLED = 200, 1e-8
