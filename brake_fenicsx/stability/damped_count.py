@@ -15,8 +15,8 @@ from brake_fenicsx.errors import InaccurateResult
 from .eigensolvers.argument_principle import damped_region
 from .eigensolvers.symmetric import SHIFT, count_below
 from .full.eigenproblem import SplitProblem
-from .modes import Complex, Counting
-from .substructures.contact_linearisation import ContactLinearisation
+from .modes import Complex, Count
+from .substructures.contact_rows import ContactLinearisation
 from .substructures.offline import reduce_bodies
 from .substructures.substructure import Substructure
 
@@ -24,9 +24,7 @@ from .substructures.substructure import Substructure
 TOLERANCE = 1e-3
 
 
-def counted(
-    p: SplitProblem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: float
-) -> Counting:
+def counted(p: SplitProblem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: float) -> Count:
     """Compare the modes found with the zeros of T around the band.
 
     Args:
@@ -59,11 +57,11 @@ def counted(
     except InaccurateResult as error:
         if count_below(p.frictionless, p.M, -SHIFT * high**2)[0] > 0:
             return p.indefinite
-        return Counting("not counted", f"{error}; lower the end of the band")
+        return Count("not counted", f"{error}; lower the end of the band")
     zeros = model.zeros([], contact)
     wide = zeta_max / np.sqrt(1 - zeta_max**2)
     region = damped_region(np.r_[s, zeros], high, wide)
     found, expected = int(region.holds(s).sum()), int(region.holds(zeros).sum())
     if found != expected:
         raise InaccurateResult(f"damped modes: {found} found, the reduced problem has {expected}")
-    return Counting("proven", "zeros of T(z) of the frictionless modes, complete by inertia")
+    return Count("proven", "zeros of T(z) of the frictionless modes, complete by inertia")

@@ -35,7 +35,7 @@ from .full.dense import DENSE, small_modes
 from .full.eigenproblem import Found, SplitProblem
 from .full.friction_modes import friction_modes
 from .full.interface import Interface, difference_interface
-from .modes import Array, Counting, Modes, counted_rows, undamped_rows
+from .modes import Array, Count, Modes, counted_rows, undamped_rows
 
 
 def tangent(
@@ -152,7 +152,7 @@ def _symmetric(p: SplitProblem, high: float) -> Found:
     modes = symmetric_modes(p.K, p.M, *shifted, high)
     shifted[0].destroy()
     shapes = modes.Phi.astype(complex)
-    counting = Counting("proven", "inertia of K - kappa M")
+    counting = Count("proven", "inertia of K - kappa M")
     return Found(modes.kappa.astype(complex), shapes, shapes, counting)
 
 

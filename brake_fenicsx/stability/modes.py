@@ -9,8 +9,8 @@ The rows of a band are chosen among eigenvalues here, rigid modes and divergence
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import scipy.linalg as la
@@ -36,32 +36,21 @@ NEAR_ZERO, SAME_SHAPE = 1e-4, 1e-4
 CountKind = Literal["proven", "counted", "not counted"]
 
 
-class Counting(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Count:
     """What is known of the number of modes.
 
     Attributes:
         kind: "proven": the number found is that of a count whose own condition holds; "counted":
             it is that of a count whose condition does not hold; "not counted".
-        how: by what they were counted, or why not; nothing is decided by these words.
-    """
-
-    kind: CountKind
-    how: str
-
-
-@dataclass(frozen=True, slots=True)
-class Count:
-    """How many modes the band must hold, and what is known of that number.
-
-    Attributes:
+        how: by what they were counted, or why not, and the modes beyond the damping ratios counted;
+            nothing is decided by these words.
         expected: modes of the band, after what was found agreed with what was counted.
-        kind: see ``Counting``.
-        how: see ``Counting``; names the modes beyond the damping ratios counted, if there are any.
     """
 
-    expected: int
     kind: CountKind
     how: str
+    expected: int = 0
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -160,17 +149,17 @@ def relative_errors(s: Complex, error: Array) -> Array:
     return np.where(elastic, known / np.where(elastic, size, 1.0), np.nan)
 
 
-def counted_rows(s: Complex, counting: Counting, zeta_max: float) -> Count:
+def counted_rows(s: Complex, count: Count, zeta_max: float) -> Count:
     """Record of a count that agreed with the modes found in its region.
 
     Args:
         s: eigenvalues of the band [1/s], shape (modes,).
-        counting: how the region was counted.
+        count: how the region was counted.
         zeta_max: the region holds every mode of the band up to this damping ratio.
     """
     beyond = int(np.sum((s.imag != 0) & (np.abs(s.real) > zeta_max * np.abs(s))))
     note = f"; {beyond} beyond the damping ratio {zeta_max:g}, found but not counted"
-    return Count(s.size, counting.kind, counting.how + note * bool(beyond))
+    return replace(count, how=count.how + note * bool(beyond), expected=s.size)
 
 
 def undamped_rows(

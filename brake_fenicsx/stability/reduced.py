@@ -14,7 +14,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.solver import whole
 
 from .modes import Modes
-from .substructures.contact_linearisation import ContactLinearisation
+from .substructures.contact_rows import ContactLinearisation
 from .substructures.offline import reduce_bodies
 from .substructures.reduced_model import ReducedModel
 from .substructures.substructure import split_substructures

@@ -24,7 +24,8 @@ from brake_fenicsx.stability import (
     reduce_bodies,
 )
 from brake_fenicsx.stability.damping_matrices import gyroscopic
-from brake_fenicsx.stability.substructures import CONSTANT, reduction
+from brake_fenicsx.stability.eigensolvers import symmetric
+from brake_fenicsx.stability.substructures import CONSTANT
 from brake_fenicsx.stability.substructures.interpolated import InterpolatedCoefficients
 from brake_fenicsx.stability.substructures.parameters import Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros
@@ -229,13 +230,13 @@ def test_one_process_and_all_give_the_same_modes(two_blocks):
 @pytest.mark.together
 def test_a_hidden_mode_of_a_body_is_noticed(two_blocks, monkeypatch):
     """One real mode withheld: inertia knows, on all processes together."""
-    scene, real = two_blocks("guided"), reduction.lowest_modes
+    scene, real = two_blocks("guided"), symmetric.lowest_modes
 
     def hide(*args, **kwargs):
         found = real(*args, **kwargs)
         return type(found)(found.Phi[:, 1:], found.Lambda[1:])
 
-    monkeypatch.setattr(reduction, "lowest_modes", hide)
+    monkeypatch.setattr(symmetric, "lowest_modes", hide)
     with pytest.raises(InaccurateResult, match="inertia"):
         Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, BAND, comm=scene.comm)
 
@@ -248,7 +249,7 @@ def test_a_failure_of_one_process_is_raised_on_all(two_blocks, monkeypatch):
     def fail(*args, **kwargs):
         raise NotConverged("block Lanczos: said by the test")
 
-    monkeypatch.setattr(reduction, "lowest_modes", fail)
+    monkeypatch.setattr(symmetric, "lowest_modes", fail)
     with pytest.raises(NotConverged, match="said by the test"):
         Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, BAND, comm=scene.comm)
 

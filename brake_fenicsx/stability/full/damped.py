@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -42,7 +43,7 @@ from ..eigensolvers.eigenpairs import (
     residuals,
 )  # fmt: skip
 from ..eigensolvers.symmetric import SHIFT, count_below
-from ..modes import NEAR_ZERO, Complex, Count, Counting, Modes, damped_rows
+from ..modes import NEAR_ZERO, Complex, Count, Modes, damped_rows
 from .dense import DENSE, counted_quadratic, dense_quadratic_modes
 from .eigenproblem import SplitProblem
 
@@ -113,7 +114,7 @@ def damped_modes(
     band: tuple[float, float],
     tolerance: float,
     zeta_max: float,
-    counted: Callable[[SplitProblem, sp.csr_matrix, Complex, float, float], Counting],
+    counted: Callable[[SplitProblem, sp.csr_matrix, Complex, float, float], Count],
     comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Modes:
     """All modes of a band with alpha >= -zeta_max |lambda|, one of each conjugate pair.
@@ -163,6 +164,6 @@ def damped_modes(
         )
     return Modes(
         s, right, left, residual, error[rows], condition[rows],
-        Count(s.size, *counting), time.perf_counter() - start,
+        replace(counting, expected=s.size), time.perf_counter() - start,
         np.zeros(s.size, dtype=bool),
     )  # fmt: skip

@@ -16,7 +16,7 @@ from brake_fenicsx.errors import InaccurateResult
 from ..eigensolvers.argument_principle import count_zeros, damped_region, undamped_region
 from ..eigensolvers.eigenpairs import QuadraticPencil
 from ..eigensolvers.symmetric import SHIFT, count_below
-from ..modes import Counting
+from ..modes import Count
 from .eigenproblem import Found, SplitProblem, agree
 
 Array = NDArray[np.float64]
@@ -45,12 +45,12 @@ def small_modes(p: SplitProblem, low: float, high: float, zeta_max: float) -> Fo
     if p.symmetric:
         expected, at = count_below(p.K, p.M, high)
         agree(int(np.sum(kappa.real < at)), expected, high, "inertia")
-        return Found(kappa, right, left, Counting("proven", "inertia of K - kappa M"))
+        return Found(kappa, right, left, Count("proven", "inertia of K - kappa M"))
     K, M = p.K.toarray(), p.M.toarray()
     region = undamped_region(kappa, low, high, zeta_max)
     expected = count_zeros(lambda z: K - z * M, region, kappa)
     agree(int(region.holds(kappa).sum()), expected, high, "the winding number")
-    counting = Counting("proven", "winding number of det(K - kappa M)")
+    counting = Count("proven", "winding number of det(K - kappa M)")
     return Found(kappa, right, left, counting)
 
 
@@ -113,7 +113,7 @@ def dense_quadratic_modes(p: QuadraticPencil, high: float) -> tuple[Complex, Com
     return shift + 1 / theta.astype(complex), z.astype(complex), y[n:]
 
 
-def counted_quadratic(p: QuadraticPencil, s: Complex, high: float, zeta_max: float) -> Counting:
+def counted_quadratic(p: QuadraticPencil, s: Complex, high: float, zeta_max: float) -> Count:
     """Compare with the turns of det(lambda^2 M + lambda C + K) around |omega| <= high.
 
     Args:
@@ -133,7 +133,7 @@ def counted_quadratic(p: QuadraticPencil, s: Complex, high: float, zeta_max: flo
     scale = np.abs(K).max()
     counted = count_zeros(lambda z: (z**2 * M + z * C + K) / scale, region, s)
     agree(int(region.holds(s).sum()), counted, high**2, "the winding number")
-    return Counting("proven", "winding number of det(lambda^2 M + lambda C + K)")
+    return Count("proven", "winding number of det(lambda^2 M + lambda C + K)")
 
 
 def _factored(S: Array) -> tuple[Array, NDArray[np.int32]]:

@@ -19,7 +19,7 @@ from ..eigensolvers.argument_principle import RIM, undamped_reach, undamped_regi
 from ..eigensolvers.arnoldi import BLOCK, combined, nearest_modes
 from ..eigensolvers.eigenpairs import both_sides
 from ..eigensolvers.symmetric import complete, count_below, modes_not_counted, shifted_factor
-from ..modes import Counting
+from ..modes import Count
 from .eigenproblem import Found, SplitProblem, agree
 from .interface import MOST_ORDERS, Interface, Inverse, moments, more_moments
 from .interface_count import Determinant, InterfaceModes, at_interface, below, moments_needed, prove
@@ -107,7 +107,7 @@ def friction_modes(
     how = f"winding number on the interface of rank {friction.rank} ({bound})"
     agree(int(region.holds(kappa).sum()), proof.count, high, f"the {how}")
     how = f"inertia without friction, {how}" + ("" if proven else p.remedy)
-    return Found(kappa, right, left, Counting("proven" if proven else "counted", how))
+    return Found(kappa, right, left, Count("proven" if proven else "counted", how))
 
 
 def _starting_block(Phi: Array) -> Array:

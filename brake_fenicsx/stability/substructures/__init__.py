@@ -1,6 +1,6 @@
 """Reduced model of a brake from its substructures: component mode synthesis with exact contact."""
 
-from .contact_linearisation import ContactLinearisation
+from .contact_rows import ContactLinearisation
 from .offline import reduce_bodies
 from .parameters import CONSTANT, Parameters
 from .reach import Shortfall, shortfall

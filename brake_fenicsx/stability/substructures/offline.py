@@ -17,8 +17,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.processes import in_turns
 
 from .component import image_arrays, originals_and_images
-from .contact_linearisation import ContactLinearisation
-from .contact_rows import Rows
+from .contact_rows import ContactLinearisation, Rows
 from .parameters import CONSTANT, Parameters
 from .reach import higher
 from .reduced_model import ReducedModel

@@ -30,10 +30,9 @@ from numpy.typing import ArrayLike, NDArray
 from brake_fenicsx.errors import InaccurateResult
 
 from ..eigensolvers.arnoldi import on_parts
-from ..modes import Complex, Counting, Modes
+from ..modes import Complex, Count, Modes
 from .block_matrix import BlockMatrix
-from .contact_linearisation import ContactLinearisation
-from .contact_rows import SIGMA
+from .contact_rows import SIGMA, ContactLinearisation
 from .error_estimates import Corrected, corrected
 from .polynomials import Zeros, applied
 from .reduced_model import ReducedModel
@@ -68,7 +67,7 @@ SEEN = 3
 # Least distance to the modes beyond the trial vectors, in units of the band's end squared.
 NEAREST = 1e-3
 
-NEAR = Counting("not counted", "found on the vectors of other values of the sample")
+NEAR = Count("not counted", "found on the vectors of other values of the sample")
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.folder.log import logger
 
 from ..modes import relative_errors
-from .contact_linearisation import ContactLinearisation
-from .contact_rows import SIGMA
+from .contact_rows import SIGMA, ContactLinearisation
 from .error_estimates import SAFETY
 from .parameters import BETWEEN
 from .reduced_model import ReducedModel

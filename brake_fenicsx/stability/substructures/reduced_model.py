@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from mpi4py import MPI
@@ -22,11 +23,10 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.memory import release_memory
 
 from ..eigensolvers.arnoldi import with_conjugates
-from ..modes import Complex, Count, Counting, Modes, damped_rows, undamped_rows
+from ..modes import Complex, Count, Modes, damped_rows, undamped_rows
 from .block_matrix import FREE, BlockMatrix, Chosen, assembled, static_compliance
 from .component import AtPoint, Component, Placed, placed
-from .contact_linearisation import ContactLinearisation
-from .contact_rows import SIGMA, Rows
+from .contact_rows import SIGMA, ContactLinearisation, Rows
 from .error_estimates import Corrected, corrected
 from .parameters import CONSTANT, Parameters
 from .polynomials import Zeros
@@ -34,7 +34,6 @@ from .sample import Sample
 from .sample_problem import Quotient
 from .vectors import (
     ContactMotions,
-    SampleModes,
     mode_displacements,
     motions_of_elements,
     sharpened,
@@ -48,7 +47,7 @@ Array = NDArray[np.float64]
 # they are listed up to this multiple of |lambda|.
 SEARCHED, LISTED = 1.1, 1.3
 
-COUNTED = Counting(
+COUNTED = Count(
     "proven",
     f"zeros of T(z), |lambda| up to {LISTED} times the band's end, on modes of the bodies complete"
     " by inertia",
@@ -203,9 +202,7 @@ class ReducedModel:
         """
         chosen = []
         for p, contact, s, a in modes:
-            a = a.conj() if left else a
-            sample, x = self.sample(p, contact), np.asarray(p, float)
-            chosen.append(SampleModes(sample, x, self.scaled(s), a))
+            chosen.append((self.sample(p, contact), self.scaled(s), a.conj() if left else a))
             release_memory()
         found = mode_displacements(chosen, self.rows, left, comm, aside)
         return [(u.conj() if left else u, error) for u, error in found]
@@ -299,8 +296,8 @@ class ReducedModel:
             raise SceneError(
                 f"k: {contact.k.size} values for {self._w.size} contact elements of the model"
             )
-        views = self.at(p) if views is None else views
-        return Sample(self.bodies, views, contact, self.areas(p), self.rows, self.omega)
+        x, views = np.asarray(p, float), self.at(p) if views is None else views
+        return Sample(self.bodies, x, views, contact, self.areas(x), self.rows, self.omega)
 
     def quotient(self, sample: Sample) -> tuple[Zeros, Quotient, Array]:
         """Zeros in the band or a little beyond, their quotients, and errors of the polynomials."""
@@ -345,13 +342,8 @@ class ReducedModel:
 
         return reach, near
 
-    @property
-    def listed(self) -> float:
-        """Largest |lambda| of the modes that are listed, over the band's end."""
-        return LISTED
-
     def listed_modes(
-        self, found: Corrected, zeta_max: float, start: float, counting: Counting = COUNTED
+        self, found: Corrected, zeta_max: float, start: float, counting: Count = COUNTED
     ) -> Modes:
         """Modes of the band from corrected zeros.
 
@@ -385,5 +377,5 @@ class ReducedModel:
         size = np.where(np.abs(lam) > spread, np.abs(lam), np.maximum(spread, omega))
         return Modes(
             lam, right[:, order], left[:, order], 2 * spread / condition / size, spread, condition,
-            Count(lam.size, *counting), time.perf_counter() - start, real,
+            replace(counting, expected=lam.size), time.perf_counter() - start, real,
         )  # fmt: skip
