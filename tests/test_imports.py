@@ -131,12 +131,12 @@ def test_full_order_and_reduced_model_share_what_lies_below(folder):
 
 
 def test_one_module_connects_full_order_and_the_reduced_model():
-    """The count of damped modes at full order is that of a reduced model."""
+    """The count of modes at full order is that of a reduced model."""
     two, both = {"full", "substructures"}, set()
     for file in (PACKAGE / "stability").glob("*.py"):
         if two <= {p[1] for p in imported(file) if p[0] == "stability"}:
             both.add(file.name)
-    assert both == {"__init__.py", "damped_count.py"}
+    assert both == {"__init__.py", "reduced_count.py"}
 
 
 @pytest.mark.parametrize(
