@@ -37,14 +37,14 @@ from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.stability import (
     ContactLinearisation,
     Modes,
-    ReducedModel,
     complex_modes,
     contact_interface,
+    reduce_bodies,
     split_substructures,
 )
 from brake_fenicsx.stability.damping_matrices import sliding_damping, velocity_slope
+from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.modes import THRESHOLD
-from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.substructures import CONSTANT
 
 SCENES = Path(__file__).parent / "scenes"
@@ -120,7 +120,7 @@ class Case:
         start = time.perf_counter()
         bodies = split_substructures(self.K, self.M, interface, b.f[:, None], changes, C, points)
         followed = "N" + "T" * (kind in ALONG) + "R" * (kind in ACROSS)
-        self.model = ReducedModel.offline(
+        self.model = reduce_bodies(
             bodies, b.w, self.band, box, followed, given.tolerance, given.cutoff
         )
         self.offline = time.perf_counter() - start

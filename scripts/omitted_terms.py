@@ -35,7 +35,7 @@ from brake_fenicsx.macro.overlap import facing_pairs, overlap, rule
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import complex_modes, contact_interface
-from brake_fenicsx.stability.operators import tangent
+from brake_fenicsx.stability.eigen import tangent
 
 Gradient = list[list[sp.csr_matrix]]
 # Growth alpha / |lambda| beyond which a mode counts as unstable, and rigid modes [rad/s].

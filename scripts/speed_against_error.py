@@ -51,7 +51,7 @@ from brake_fenicsx.report.style import CYCLE, MARKERS, house_style
 from brake_fenicsx.results.ensemble_statistics import wilson
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.stability.operators import tangent
+from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.surface import characterise, make_topography, read_topography, synthesise
 
 SCENES = Path(__file__).parent / "scenes"

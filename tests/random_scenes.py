@@ -16,7 +16,8 @@ from brake_fenicsx import prepare
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.pipeline import assemble
 from brake_fenicsx.samples.solve import linearised
-from brake_fenicsx.stability.operators import tangent
+from brake_fenicsx.stability.eigen import tangent
+from brake_fenicsx.stability.substructures.reduced_model import LISTED
 from dense_reference import all_damped, all_lambda
 
 DAMPING = ("none", "rayleigh", "loss", "sliding", "slope", "mixed")
@@ -179,11 +180,11 @@ def compared(study, task):
         exact, zeta = all_damped(M, C.toarray(), K, high), models.stability.zeta_max
     # What LAPACK leaves of a stiff contact: round-off of the largest eigenvalue.
     floor = 1e-14 * np.abs(exact).max() * np.abs(exact).max() / np.abs(exact)
-    inside = (exact.imag > low) & (exact.imag <= high) & (np.abs(exact) <= model.listed * high)
+    inside = (exact.imag > low) & (exact.imag <= high) & (np.abs(exact) <= LISTED * high)
     inside &= exact.real >= -zeta * np.abs(exact) if np.isfinite(zeta) else True
     # Next to the ends of the region either answer is right.
     edge = 1e-4
-    inside &= (exact.imag < (1 - edge) * high) & (np.abs(exact) < (1 - edge) * model.listed * high)
+    inside &= (exact.imag < (1 - edge) * high) & (np.abs(exact) < (1 - edge) * LISTED * high)
     if np.isfinite(zeta):
         inside &= exact.real > -(1 - edge) * zeta * np.abs(exact)
     inside &= exact.imag > 1e-3 * high

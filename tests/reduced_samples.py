@@ -10,7 +10,7 @@ from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.stability import (
     ContactLinearisation,
     Parameters,
-    ReducedModel,
+    reduce_bodies,
     split_substructures,
 )
 from brake_fenicsx.stability.damping_matrices import gyroscopic, sliding_damping, velocity_slope
@@ -105,7 +105,7 @@ def offline(scene, case="undamped", changing=False, spread=SPREAD, tolerance=1e-
     """The reduced model, made once."""
     parameters = box(scene, case, spread) if changing else CONSTANT
     bodies = substructures(scene, case, changing)
-    return ReducedModel.offline(
+    return reduce_bodies(
         bodies, scene.w, BAND, parameters, followed(case), tolerance, comm=comm or scene.comm
     )
 

@@ -34,8 +34,7 @@ def modes_of(M, C, K):
         zero,
         error,
         size / np.maximum(overlap, 1e-300),
-        Count(s.size, "proven", "dense"),
-        0,
+        Count("proven", "dense", s.size),
         0.0,
         s.real == 0,
     )

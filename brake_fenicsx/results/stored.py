@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Data = dict[str, Any]
 
-PROVEN = "proven"  # kind of a count, see ``brake_fenicsx.stability.modes.Counting``
+PROVEN = "proven"  # kind of a count, see ``brake_fenicsx.stability.modes.Count``
 # What is kept of every sample: numbers of samples.csv and of the summary.
 KEPT = (
     "status", "seed", "mean_mu", "rejected", "tolerance_missed", "count_kind", "counted", "lost",

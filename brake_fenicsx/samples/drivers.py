@@ -32,12 +32,11 @@ from brake_fenicsx.stability.derivatives import (
     contact_derivatives,
     friction_work,
     motions_of_vectors,
-    slope_of,
     trusted,
 )
+from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.eigensolvers.eigenpairs import QuadraticPencil, inner
 from brake_fenicsx.stability.modes import Complex, Modes
-from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.substructures.vectors import ContactMotions
 
 from .equilibria import Equilibria
@@ -172,7 +171,7 @@ class Drivers:
         b, brake = sample.brake.contact, sample.brake
         pencil = QuadraticPencil(brake.M, brake.C(sample.friction, eq.p), brake.reference.K)
         rows = {"N": b.N, "T": b.T, "R": b.R}
-        return motions_of_vectors(rows, s, *vectors, slope_of(pencil, s, *vectors))
+        return motions_of_vectors(rows, pencil, s, *vectors)
 
     def _contact(
         self,

@@ -211,6 +211,7 @@ class ReducedModels:
         from brake_fenicsx.stability.substructures import (
             CONSTANT,
             ReducedModel,
+            reduce_bodies,
             split_substructures,
         )
 
@@ -237,7 +238,7 @@ class ReducedModels:
         if damped:
             bodies = with_modal_damping(self._scene, bodies, brake.masses)
         release_memory()
-        return ReducedModel.offline(
+        return reduce_bodies(
             bodies, brake.w, band, parameters, followed, stability.tolerance,
             self._cutoff(parameters), usual, self._comm,
             lambda total: Progress("factors of the reduced model", total).advance,

@@ -17,8 +17,8 @@ from brake_fenicsx.folder.extras import spared
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.stability import Modes, complex_modes, contact_interface
+from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.modes import relative_errors
-from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.participation import damped_partners, energy_shares, flutter_partners
 from brake_fenicsx.stability.substructures import ContactLinearisation
 
@@ -93,9 +93,9 @@ def reduced_modes(
         eq: its equilibrium.
         line: the sample at other values of a parameter.
     """
-    contact = linearised(sample, eq.k_vibration, eq.p)
-    zeta_max, model = _settings(models).zeta_max, models.reduction.of(sample)
-    return model.modes(sample.brake.point, contact, zeta_max, line)
+    contact, model = linearised(sample, eq.k_vibration, eq.p), models.reduction.of(sample)
+    given = sample.brake.point, contact, _settings(models).zeta_max
+    return model.modes(*given) if line is None else line.modes(model, *given)
 
 
 def full_modes(

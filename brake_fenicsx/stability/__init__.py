@@ -9,10 +9,11 @@ from brake_fenicsx.stability.substructures import (
     Parameters,
     ReducedModel,
     Substructure,
+    reduce_bodies,
     split_substructures,
 )
 
 __all__ = [
     "ContactLinearisation", "Modes", "Parameters", "Reduced", "ReducedModel", "Substructure",
-    "complex_modes", "contact_interface", "split_substructures",
+    "complex_modes", "contact_interface", "reduce_bodies", "split_substructures",
 ]  # fmt: skip

@@ -75,7 +75,7 @@ def rayleigh(M: sp.csr_matrix, K: sp.csr_matrix, alpha: float, beta: float) -> s
     """
     if alpha < 0 or beta < 0:
         raise SceneError(f"Rayleigh damping: alpha = {alpha:g}, beta = {beta:g}: none may be < 0")
-    return _combination([(alpha, M), (beta, K)])
+    return (alpha * M + beta * K).tocsr()
 
 
 def loss_factor(parts: Sequence[tuple[float, sp.csr_matrix]], omega_ref: float) -> sp.csr_matrix:
@@ -101,7 +101,7 @@ def loss_factor(parts: Sequence[tuple[float, sp.csr_matrix]], omega_ref: float) 
         raise SceneError(f"loss factors: reference frequency {omega_ref:g} rad/s must be positive")
     if min(eta for eta, _ in parts) < 0:
         raise SceneError("loss factors: none may be negative")
-    return _combination([(eta / omega_ref, K) for eta, K in parts])
+    return sum(eta / omega_ref * K for eta, K in parts).tocsr()
 
 
 def sliding_damping(R: sp.spmatrix, w: Array, p: Array, V: Array, mu: float | Array) -> Any:
@@ -141,11 +141,6 @@ def velocity_slope(T: sp.spmatrix, w: Array, p: Array, slope: float | Array) -> 
         Symmetric [N s/m], CSR; negative semi-definite where friction falls.
     """
     return (T.T @ sp.diags(w * p * np.asarray(slope)) @ T).tocsr()
-
-
-def _combination(terms: Sequence[tuple[float, sp.csr_matrix]]) -> sp.csr_matrix:
-    """Sum of factor times matrix; the terms are left as they are."""
-    return sum(c * A for c, A in terms).tocsr()
 
 
 def gyroscopic_form(u: Any, v: Any, rho: Any, c: Any, dx: Any) -> Any:

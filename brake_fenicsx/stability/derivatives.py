@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from .eigensolvers.eigenpairs import QuadraticPencil, inner
 from .modes import Complex
-from .substructures.contact_linearisation import ContactLinearisation
+from .substructures.contact_rows import ContactLinearisation
 from .substructures.vectors import ContactMotions
 
 Array = NDArray[np.float64]
@@ -46,32 +46,25 @@ Array = NDArray[np.float64]
 HALF_WAY = 0.25
 
 
-def slope_of(pencil: QuadraticPencil, s: Complex, right: Complex, left: Complex) -> Complex:
-    """psi^H P'(lambda) phi of each mode, shape (modes,).
-
-    Args:
-        pencil: M and C of the brake; its stiffness is not used.
-        s: eigenvalues lambda [1/s], shape (modes,).
-        right: right vectors, shape (dofs, modes).
-        left: left vectors, likewise.
-    """
-    return inner(left, pencil.slope(s, right))
-
-
 def motions_of_vectors(
-    rows: Mapping[str, sp.csr_matrix], s: Complex, right: Complex, left: Complex, slope: Complex
+    rows: Mapping[str, sp.csr_matrix],
+    pencil: QuadraticPencil,
+    s: Complex,
+    right: Complex,
+    left: Complex,
 ) -> ContactMotions:
     """Motions of modes at the contact elements, from displacements.
 
     Args:
         rows: gap operator "N", slip operators "T" and "R", shape (elements, dofs).
+        pencil: M and C of the brake; its stiffness is not used.
         s: eigenvalues lambda [1/s], shape (modes,).
         right: right vectors, shape (dofs, modes).
         left: left vectors, likewise.
-        slope: psi^H P'(lambda) phi, see ``slope_of``.
     """
     seen = {name: np.asarray(A @ right) for name, A in rows.items()}
     met = {name: np.asarray(A @ left.conj()) for name, A in rows.items()}
+    slope = inner(left, pencil.slope(s, right))
     return ContactMotions(s, slope, seen, met, np.zeros(s.size))
 
 

@@ -2,14 +2,13 @@
 
 Undamped, the problem is K phi = kappa M phi with kappa = -lambda^2, in real arithmetic:
 
-- up to 300 dofs: dense; counted by inertia, or by the winding number of det(K - kappa M);
+- up to 300 dofs: dense; counted by inertia, or by the winding number of a determinant;
 - symmetric K: block Lanczos, complete by inertia;
-- K_s plus friction of low rank: block Arnoldi from either side; inertia of K_s and the winding
-  number of a determinant on the contact interface count the modes of a region around the band;
-- anything else: SLEPc, and the record says that nothing was counted.
+- K_s plus friction: block Arnoldi from either side; where friction is of low rank, the modes of a
+  region around the band are counted by ``reduced_count``.
 
-Damped problems are those of ``full.damped``. Two processes may share the work: right and left
-vectors, the modes without friction and the moments of the interface, two halves of the proof.
+Damped problems are those of ``full.damped``. Processes may share the work: right and left vectors,
+and the factors of the count.
 """
 
 from __future__ import annotations
@@ -20,22 +19,43 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
+import scipy.sparse as sp
 
 from brake_fenicsx.arguments import frequency_band
-from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
-from brake_fenicsx.macro.solver import whole
+from brake_fenicsx.errors import InaccurateResult, NotConverged
+from brake_fenicsx.macro.solver import whole, with_interface
 
-from .damped_count import counted
 from .eigensolvers.arnoldi import times
 from .eigensolvers.eigenpairs import ROUND_OFF, QuadraticPencil, paired, residuals, undamped_errors
-from .eigensolvers.rows import undamped_rows
 from .eigensolvers.symmetric import LARGEST_SHIFT, shifted_factor, symmetric_modes
 from .full.damped import damped_modes
 from .full.dense import DENSE, small_modes
 from .full.eigenproblem import Found, SplitProblem
-from .full.friction_modes import friction_modes
 from .full.interface import Interface, difference_interface
-from .modes import Counting, Modes, counted_rows
+from .full.unsymmetric import unsymmetric_modes
+from .modes import Array, Count, Modes, counted_rows, undamped_rows
+from .reduced_count import counted
+
+
+def tangent(
+    K: Any, N: sp.csr_matrix, T: sp.csr_matrix, w: Array, k: Array, mu: float | Array
+) -> Any:
+    """K + N'W k N + T'W mu k N; non-symmetric where mu is not zero.
+
+    Args:
+        K: elastic stiffness [N/m], SciPy sparse or PETSc.
+        N: gap operator, shape (elements, dofs).
+        T: slip operator, shape (elements, dofs).
+        w: areas [m^2].
+        k: contact stiffness [Pa/m].
+        mu: friction coefficient, one or one per element.
+
+    Returns:
+        A new matrix, CSR.
+    """
+    # The pressures' work on N + mu T, the gaps' change through N.
+    left = (N + sp.diags(np.broadcast_to(mu, w.shape)) @ T).tocsr() if np.any(mu) else N
+    return with_interface(whole(K), left, w * k, N)
 
 
 def complex_modes(
@@ -43,7 +63,6 @@ def complex_modes(
     C: Any,
     K: Any,
     band: tuple[float, float],
-    method: str = "full",
     tolerance: float = 1e-9,
     zeta_max: float = 0.1,
     frictionless: Any = None,
@@ -58,43 +77,37 @@ def complex_modes(
         K: stiffness [N/m], not symmetric where there is friction. The processes of a distributed
             matrix must call together; each gathers the whole of it and solves for itself.
         band: lowest and highest frequency [Hz].
-        method: "full".
         tolerance: relative residual of every mode.
         zeta_max: largest damping ratio looked for; bounds the imaginary parts of kappa.
         frictionless: for non-symmetric K the same stiffness at mu = 0; the symmetric half of K if
             None.
         friction: K - frictionless by contact elements, see ``contact_interface``; found from the
             matrices if None, which takes longer.
-        comm: processes that call together with the same problem, of which two share the work; each
-            solves it for itself if not given.
+        comm: processes that call together with the same problem and share the work; each solves it
+            for itself if not given.
 
     Returns:
         The modes, sorted by frequency, one of each conjugate pair.
 
     Raises:
-        SceneError: unknown method, or a band that is none.
+        SceneError: a band that is none.
         NotConverged: the eigensolver leaves a mode unconverged.
         InaccurateResult: the modes found are not as many as were counted.
     """
-    if method != "full":
-        raise SceneError(f"method {method!r}: complex_modes knows 'full'; see ReducedModel")
     band = frequency_band(band)
     start = time.perf_counter()
     problem = _problem(K, M, frictionless, friction)
     if C is not None:
         return damped_modes(problem, whole(C), band, tolerance, zeta_max, counted, comm)
-    low, high = ((2 * np.pi * f) ** 2 for f in band)
-    found = None
+    high = (2 * np.pi * band[1]) ** 2
     if problem.K.shape[0] <= DENSE:
-        found = small_modes(problem, low, high, zeta_max)
+        found = small_modes(problem, high, zeta_max)
     elif problem.symmetric:
         found = _symmetric(problem, high)
-    elif problem.friction is not None:
-        found = friction_modes(problem, problem.friction, low, high, zeta_max, comm)
-    if found is None:
-        from .full.krylov_schur import general_modes  # SLEPc, which the others do without
-
-        found = general_modes(problem, high, zeta_max, 1e-2 * tolerance)
+    else:
+        kappa, right, left = unsymmetric_modes(problem, high, zeta_max, comm)
+        count = counted(problem, None, np.sqrt(-kappa), np.sqrt(high), zeta_max, comm)
+        found = Found(kappa, right, left, count)
     return _record(problem, found, band, tolerance, zeta_max, start)
 
 
@@ -132,11 +145,10 @@ def _symmetric(p: SplitProblem, high: float) -> Found:
             "the stiffness is not positive semi-definite: eigenvalues kappa = -lambda^2 below"
             f" {-LARGEST_SHIFT * high:.2g} 1/s^2; look for a negative spring"
         )
-    modes = symmetric_modes(p.K, p.M, *shifted, high)
+    Phi, kappa = symmetric_modes(p.K, p.M, *shifted, high)
     shifted[0].destroy()
-    shapes = modes.Phi.astype(complex)
-    counting = Counting("proven", "inertia of K - kappa M")
-    return Found(modes.kappa.astype(complex), shapes, shapes, counting, modes.blocks)
+    shapes, count = Phi.astype(complex), Count("proven", "inertia of K - kappa M")
+    return Found(kappa.astype(complex), shapes, shapes, count)
 
 
 def _record(
@@ -166,5 +178,5 @@ def _record(
         )
     return Modes(
         lam, f.right[:, order], left[:, order], residual[order], spread, condition[order],
-        counted_rows(lam, f.counting, zeta_max), f.iterations, time.perf_counter() - start, real,
+        counted_rows(lam, f.counting, zeta_max), time.perf_counter() - start, real,
     )  # fmt: skip

@@ -3,14 +3,17 @@
 lambda = alpha + i omega [1/s]; frequency |omega| / 2 pi; damping = -2 alpha / |omega|, negative
 means unstable. An undamped problem K phi = kappa M phi has lambda^2 = -kappa: a complex pair of
 kappa gives two rows, +-alpha.
+
+The rows of a band are chosen among eigenvalues here, rigid modes and divergence included.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
 from brake_fenicsx.display import html_table
@@ -25,37 +28,28 @@ Complex = NDArray[np.complex128]
 THRESHOLD = 1e-6
 # Modes below this share of the largest |lambda| are rigid.
 RIGID_BELOW = 1e-3
+# Eigenvalues up to this share of the band's end may be rigid modes; vectors of rigid modes that
+# differ by less are one.
+NEAR_ZERO, SAME_SHAPE = 1e-4, 1e-4
 
 
-CountKind = Literal["proven", "counted", "not counted"]
-
-
-class Counting(NamedTuple):
-    """What is known of the number of modes.
-
-    Attributes:
-        kind: "proven": the number found is that of a count whose own condition holds; "counted":
-            it is that of a count whose condition does not hold; "not counted".
-        how: by what they were counted, or why not; nothing is decided by these words.
-    """
-
-    kind: CountKind
-    how: str
+CountKind = Literal["proven", "not counted"]
 
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """How many modes the band must hold, and what is known of that number.
+    """What is known of the number of modes.
 
     Attributes:
+        kind: "proven": the number found is that of a count; "not counted".
+        how: by what they were counted, or why not, and the modes beyond the damping ratios counted;
+            nothing is decided by these words.
         expected: modes of the band, after what was found agreed with what was counted.
-        kind: see ``Counting``.
-        how: see ``Counting``; names the modes beyond the damping ratios counted, if there are any.
     """
 
-    expected: int
     kind: CountKind
     how: str
+    expected: int = 0
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -71,7 +65,6 @@ class Modes:
         error: estimated error of lambda [1/s].
         condition: eigenvalue condition number [-].
         count: expected number of modes.
-        iterations: block solves or restarts of the solver; none in the reduced model.
         seconds: time [s].
         real: whether symmetry keeps the mode on the imaginary axis (a simple real kappa).
     """
@@ -83,7 +76,6 @@ class Modes:
     error: Array
     condition: Array
     count: Count
-    iterations: int
     seconds: float
     real: NDArray[np.bool_]
 
@@ -156,14 +148,96 @@ def relative_errors(s: Complex, error: Array) -> Array:
     return np.where(elastic, known / np.where(elastic, size, 1.0), np.nan)
 
 
-def counted_rows(s: Complex, counting: Counting, zeta_max: float) -> Count:
+def counted_rows(s: Complex, count: Count, zeta_max: float) -> Count:
     """Record of a count that agreed with the modes found in its region.
 
     Args:
         s: eigenvalues of the band [1/s], shape (modes,).
-        counting: how the region was counted.
+        count: how the region was counted.
         zeta_max: the region holds every mode of the band up to this damping ratio.
     """
     beyond = int(np.sum((s.imag != 0) & (np.abs(s.real) > zeta_max * np.abs(s))))
     note = f"; {beyond} beyond the damping ratio {zeta_max:g}, found but not counted"
-    return Count(s.size, counting.kind, counting.how + note * bool(beyond))
+    return replace(count, how=count.how + note * bool(beyond), expected=s.size)
+
+
+def undamped_rows(
+    kappa: Complex, error: Array, band: tuple[float, float]
+) -> tuple[NDArray[np.intp], Complex, Array, NDArray[np.bool_]]:
+    """Rows of the band from the eigenvalues of K phi = kappa M phi, lambda^2 = -kappa.
+
+    Args:
+        kappa: eigenvalues [1/s^2], complex ones with their conjugates.
+        error: their estimated errors [1/s^2].
+        band: lowest and highest frequency [Hz].
+
+    Returns:
+        For each row: number of its kappa, lambda [1/s], error of lambda [1/s], and whether kappa
+        is real, positive and too far from all others and from zero for an error to have made it so.
+    """
+    lam = np.sqrt(-kappa.astype(complex))
+    # Of the two roots +-lambda the one with omega > 0; of two real ones the growing one.
+    lam = np.where(lam.imag < 0, -lam, lam)
+    with np.errstate(divide="ignore"):
+        spread = np.where(np.abs(lam) > 0, error / (2 * np.abs(lam)), np.sqrt(error))
+    frequency = lam.imag / (2 * np.pi)
+    inside = (frequency >= band[0]) & (frequency <= band[1]) & (lam.imag > 0)
+    diverging = (lam.imag == 0) & (kappa.real < 0) & (band[0] <= 0)
+    chosen = np.flatnonzero(inside | diverging)
+    order = chosen[np.lexsort((lam[chosen].real, frequency[chosen]))]
+    return order, lam[order], spread[order], _surely_real(kappa, error)[order]
+
+
+def _surely_real(kappa: Complex, error: Array) -> NDArray[np.bool_]:
+    """Surely real and positive kappa: its error disc meets no other disc and not zero."""
+    real = (kappa.imag == 0) & (kappa.real > error)
+    order = np.argsort(kappa.real, kind="stable")
+    x, e = kappa.real[order], 2 * error[order]
+    clear = np.ones(kappa.size, dtype=bool)
+    if kappa.size > 1:
+        touch = np.diff(x) <= e[1:] + e[:-1]
+        clear[1:] &= ~touch
+        clear[:-1] &= ~touch
+    out = np.empty_like(clear)
+    out[order] = clear
+    return real & out
+
+
+def damped_rows(
+    s: Complex, right: Complex, error: Array, band: tuple[float, float], zeta_max: float
+) -> tuple[NDArray[np.intp], Complex]:
+    """Rows of the band among some eigenvalues with omega >= 0, rigid modes first.
+
+    Args:
+        s: eigenvalues [1/s], shape (found,).
+        right: their vectors, shape (size, found).
+        error: their estimated errors [1/s].
+        band: lowest and highest omega [rad/s].
+        zeta_max: modes that decay faster are left out; those that grow faster are not.
+
+    Returns:
+        Number of each row's eigenvalue, and the eigenvalue, zero for a rigid mode.
+    """
+    low, high = band
+    wanted = (s.imag > 0) & (s.imag >= low) & (s.imag <= high) & (s.real >= -zeta_max * np.abs(s))
+    wanted |= (s.imag == 0) & (s.real > 0) & (low <= 0)
+    rigid = (np.abs(s) <= np.minimum(error, NEAR_ZERO * high)) & (low <= 0)
+    rows = np.r_[_independent(right, np.flatnonzero(rigid)), np.flatnonzero(wanted & ~rigid)]
+    # What cannot be told from zero is a rigid mode: no frequency, no verdict.
+    return rows, np.where(np.abs(s[rows]) <= error[rows], 0.0, s[rows])
+
+
+def _independent(right: Complex, among: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Those of some eigenvalues at zero that have vectors of their own.
+
+    A rigid mode that nothing damps is a double zero, and round-off splits zeros into pairs of any
+    kind: their vectors tell how many modes there are.
+    """
+    if not among.size:
+        return among
+    X = right[:, among] / np.linalg.norm(right[:, among], axis=0)
+    _, R, order = la.qr(np.hstack([X.real, X.imag]), mode="economic", pivoting=True)
+    rank = int(np.sum(np.abs(np.diag(R)) > SAME_SHAPE * abs(R[0, 0])))
+    # A vector may stand in twice, by its real and its imaginary part.
+    first = list(dict.fromkeys(int(i) % among.size for i in order))[:rank]
+    return among[np.sort(first)]

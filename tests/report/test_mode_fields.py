@@ -18,8 +18,8 @@ from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
 from brake_fenicsx.samples.solve import displacements
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.modes import Modes
-from brake_fenicsx.stability.operators import tangent
 from run_tables import read_run
 
 COMM = MPI.COMM_SELF

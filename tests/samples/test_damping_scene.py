@@ -19,7 +19,7 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.approaches import active_terms
 from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.stability.damping_matrices import gyroscopic
-from brake_fenicsx.stability.operators import tangent
+from brake_fenicsx.stability.eigen import tangent
 
 SELF = MPI.COMM_SELF
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"

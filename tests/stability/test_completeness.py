@@ -7,13 +7,13 @@ import scipy.sparse as sp
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.stability import Reduced, complex_modes
 from brake_fenicsx.stability.eigensolvers.argument_principle import (
-    Trapezium,
+    Rectangle,
     count_zeros,
-    undamped_region,
+    counted_region,
 )
 from dense_reference import all_lambda
 
-REGION = Trapezium(low=-0.02, high=1.0, slope=0.5, rise=1e-3)
+REGION = Rectangle(low=-0.02, high=1.0, top=0.35)
 
 
 def matrix(values: list[complex], seed: int = 0) -> np.ndarray:
@@ -77,16 +77,12 @@ def test_zero_on_the_border_is_refused():
 
 @pytest.mark.parametrize("zeta", [0.05, 0.1, 0.4])
 def test_the_region_counted_holds_every_mode_of_the_band(zeta):
-    """In lambda the band is a sector; a region of |Im kappa| <= 2 zeta Re kappa is too narrow.
-
-    That one ends at zeta = 0.33 where 0.4 was meant, and cuts damped modes at the lower end.
-    """
-    rng, band = np.random.default_rng(0), (20.0, 90.0)
-    omega = 2 * np.pi * np.r_[band, rng.uniform(*band, 400)]
-    ratio = np.r_[zeta, zeta, rng.uniform(-zeta, zeta, 400)] * (1 - 1e-9)
-    kappa = -((omega * (-ratio / np.sqrt(1 - ratio**2) + 1j)) ** 2)
-    low, high = ((2 * np.pi * f) ** 2 for f in band)
-    assert np.all(undamped_region(kappa, low, high, zeta).holds(kappa))
+    """The band is a sector of lambda; a rectangle of zeta times its end is too narrow for it."""
+    rng, high = np.random.default_rng(0), 2 * np.pi * 90.0
+    omega = np.r_[high, rng.uniform(0.2, 1.0, 400) * high]
+    ratio = np.r_[zeta, rng.uniform(-zeta, zeta, 400)] * (1 - 1e-9)
+    s = omega * (-ratio / np.sqrt(1 - ratio**2) + 1j)
+    assert np.all(counted_region(s, high, zeta / np.sqrt(1 - zeta**2)).holds(s))
 
 
 @pytest.mark.parametrize(
@@ -107,9 +103,9 @@ def test_rows_and_count_agree_however_strong_the_flutter(two_blocks, mu, low):
     K = scene.tangent(k, mu)
     s = all_lambda(K, scene.M)
     inside = (s.imag >= 2 * np.pi * low) & (s.imag <= 2 * np.pi * band[1]) & (s.imag > 0)
-    m = Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, 3e11, band).modes(k, mu)
+    m = Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, band).modes(k, mu)
     assert len(m) == m.count.expected == inside.sum()
     m = complex_modes(scene.M, None, K, band, frictionless=scene.tangent(k, 0.0), zeta_max=0.4)
-    assert "winding" in m.count.how and np.sum(np.abs(m.s.real) <= 0.4 * np.abs(m.s)) == np.sum(
-        inside & (np.abs(s.real) <= 0.4 * np.abs(s))
-    )
+    assert "zeros of the T(z)" in m.count.how
+    slow = [np.abs(x.real) <= 0.4 * np.abs(x) for x in (m.s, s)]
+    assert np.sum(slow[0]) == np.sum(inside & slow[1])

@@ -15,7 +15,6 @@ from brake_fenicsx.stability.derivatives import (
     contact_derivatives,
     friction_work,
     motions_of_vectors,
-    slope_of,
     trusted,
 )
 from brake_fenicsx.stability.eigensolvers.eigenpairs import QuadraticPencil, inner
@@ -170,9 +169,9 @@ def test_full_order_agrees_with_differences(two_blocks, case):
     modes = complex_modes(smp.M, C, smp.K, BAND, zeta_max=ZETA)
     chosen = np.abs(modes.s[:, None] - reduced.s[chosen]).argmin(axis=0)
     s, right, left = modes.s[chosen], modes.right[:, chosen], modes.left[:, chosen]
-    slope = slope_of(QuadraticPencil(smp.M, C, smp.K), s, right, left)
-    rows = {name: getattr(scene, name) for name in followed(case)}
-    motions = motions_of_vectors(rows | {"T": scene.T}, s, right, left, slope)
+    rows = {name: getattr(scene, name) for name in followed(case)} | {"T": scene.T}
+    pencil = QuadraticPencil(smp.M, C, smp.K)
+    motions = motions_of_vectors(rows, pencil, s, right, left)
     compared(scene, case, derivatives(scene, case, motions, right, left))
 
 
@@ -187,7 +186,8 @@ def test_friction_work_is_the_growth(two_blocks):
     motions, a, _ = model.motions([], smp.contact, *given)
     right, _ = model.displacements([], smp.contact, motions.s, a)
     rows = {name: getattr(scene, name) for name in "NTR"}
-    whole = motions_of_vectors(rows, motions.s, right, right, motions.slope)
+    pencil = QuadraticPencil(smp.M, None, smp.K)
+    whole = motions_of_vectors(rows, pencil, motions.s, right, right)
     inertia = inner(right, smp.M @ right).real
     work = friction_work(whole, smp.contact, scene.w, inertia)
     growth = 4 * np.pi * motions.s.real / motions.s.imag
@@ -215,10 +215,8 @@ class Flutter:
         self.C = None if C is None else sp.csr_matrix(C)
         modes = complex_modes(self.M, self.C, K, (0.0, 3e3), zeta_max=0.5)
         self.s, self.right, self.left = modes.s, modes.right, modes.left
-        pencil = QuadraticPencil(self.M, self.C, K)
-        slope = slope_of(pencil, self.s, self.right, self.left)
-        rows = {"N": self.N, "T": self.T}
-        self.motions = motions_of_vectors(rows, self.s, self.right, self.left, slope)
+        given = QuadraticPencil(self.M, self.C, K), self.s, self.right, self.left
+        self.motions = motions_of_vectors({"N": self.N, "T": self.T}, *given)
 
     @property
     def by_friction(self):

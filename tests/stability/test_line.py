@@ -39,7 +39,7 @@ def test_every_mode_between_full_values(two_blocks, case, x):
     model = offline(scene, case, changing=bool(x))
     for mu in FRICTION:
         sample = Sample(scene, case, x, mu, k=stiffness(scene, mu))
-        found = model.modes(sample.x, sample.contact, ZETA, line)
+        found = line.modes(model, sample.x, sample.contact, ZETA)
         assert sample.agrees(found) < 3e-5
     assert line.full + line.projected == FRICTION.size
     assert line.projected >= 3
@@ -52,7 +52,7 @@ def test_what_a_line_does_not_know_is_computed_in_full(two_blocks, case):
     model = offline(scene, case)
     for mu in FRICTION[:5]:
         sample = Sample(scene, case, mu=mu, k=stiffness(scene, mu))
-        found = model.modes(sample.x, sample.contact, ZETA, line)
+        found = line.modes(model, sample.x, sample.contact, ZETA)
         assert found.s.tobytes() == sample.modes(model).s.tobytes()
     assert line.projected == 0
 
@@ -63,7 +63,7 @@ def test_other_materials_begin_anew(two_blocks):
     model = offline(scene, changing=True)
     for x in ((0.0, 0.0), (0.5, 0.5), (-0.5, 0.2)):
         sample = Sample(scene, x=x, mu=0.4)
-        found = model.modes(sample.x, sample.contact, ZETA, line)
+        found = line.modes(model, sample.x, sample.contact, ZETA)
         assert found.s.tobytes() == sample.modes(model).s.tobytes()
     assert (line.full, line.projected) == (3, 0)
 
@@ -74,7 +74,7 @@ def test_where_nothing_suffices_the_line_gives_up(two_blocks):
     model = offline(scene)
     for seed in range(HELD + 4):
         sample = Sample(scene, mu=0.1 * seed, seed=seed)
-        found = model.modes(sample.x, sample.contact, ZETA, line)
+        found = line.modes(model, sample.x, sample.contact, ZETA)
         assert found.s.tobytes() == sample.modes(model).s.tobytes()
     assert (line.full, line.projected) == (HELD + 4, 0)
 
@@ -87,7 +87,7 @@ def test_modes_that_cross_between_full_values(two_blocks):
     scales = 10 ** np.r_[-1.5, 1.0, np.linspace(-1.4, 0.9, 12)]
     for scale in scales:
         sample = Sample(scene, mu=0.0, k=np.full(scene.w.size, scale * K0))
-        found = model.modes(sample.x, ContactLinearisation.of(sample.k, 0.0), ZETA, line)
+        found = line.modes(model, sample.x, ContactLinearisation.of(sample.k, 0.0), ZETA)
         assert sample.agrees(found) < 3e-5
         orders.append(found)
     assert line.projected >= 6

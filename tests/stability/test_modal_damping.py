@@ -16,7 +16,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.stability import ReducedModel, split_substructures
+from brake_fenicsx.stability import reduce_bodies, split_substructures
 from brake_fenicsx.stability.substructures import CONSTANT
 from brake_fenicsx.stability.substructures.substructure import ModalRatio, mirror_image
 from coarse_block import BLOCK, ROUGH
@@ -48,7 +48,23 @@ def zeta_of(number, f):
 def reduced(scene, changing):
     bodies = with_ratios(substructures(scene, "undamped", changing))
     parameters = box(scene, "undamped") if changing else CONSTANT
-    return ReducedModel.offline(bodies, scene.w, BAND, parameters)
+    return reduce_bodies(bodies, scene.w, BAND, parameters)
+
+
+def damping(scene, bodies, kept, cutoff=None):
+    """C by the ratios of the lowest modes of each body, so many are kept, and beyond a cutoff."""
+    C = np.zeros(scene.K.shape)
+    for i, (body, count) in enumerate(zip(bodies, kept, strict=True)):
+        K, M = (A[body.dofs][:, body.dofs].toarray() for A in (scene.K, scene.M))
+        kappa, W = la.eigh(K, M, subset_by_index=[0, count - 1])
+        omega = np.sqrt(np.maximum(kappa, 0.0))
+        own = M @ W @ np.diag(2 * zeta_of(i, omega / 2 / np.pi) * omega) @ W.T @ M
+        if cutoff is not None:
+            zeta = zeta_of(i, np.array([cutoff / 2 / np.pi]))[0]
+            Q = np.eye(len(K)) - W @ W.T @ M
+            own += Q.T @ (zeta * (2 * cutoff * M + K / (4 * cutoff))) @ Q
+        C[np.ix_(body.dofs, body.dofs)] = own
+    return sp.csr_matrix(C)
 
 
 def test_modes_of_parts_alone_have_their_ratio(two_blocks):
@@ -81,19 +97,9 @@ def test_every_mode_of_bodies_with_ratios(two_blocks, x):
     sample = Sample(scene, "undamped", x, mu=0.5, seed=4)
     softening = box(scene, "undamped").softening if x else 1.0
     cutoff = model.bodies[0].component.reach * HIGH / np.sqrt(softening)
-    C = np.zeros(scene.K.shape)
-    for i, body in enumerate(model.bodies):
-        K, M = (A[body.dofs][:, body.dofs].toarray() for A in (scene.K, scene.M))
-        kept = body.modes.stop - body.modes.start
-        kappa, W = la.eigh(K, M, subset_by_index=[0, kept - 1])
-        omega = np.sqrt(np.maximum(kappa, 0.0))
-        damping = 2 * zeta_of(i, omega / 2 / np.pi) * omega
-        zeta = zeta_of(i, np.array([cutoff / 2 / np.pi]))[0]
-        beyond = zeta * (2 * cutoff * M + K / (4 * cutoff))
-        Q = np.eye(len(K)) - W @ W.T @ M
-        C[np.ix_(body.dofs, body.dofs)] = M @ W @ np.diag(damping) @ W.T @ M + Q.T @ beyond @ Q
+    C = damping(scene, model.bodies, [b.modes.stop - b.modes.start for b in model.bodies], cutoff)
     modes = sample.modes(model)
-    dense = Dense(sample.M, sp.csr_matrix(C), sample.K, HIGH, ZETA)
+    dense = Dense(sample.M, C, sample.K, HIGH, ZETA)
     assert dense.agrees(modes) < 2e-6
     # The ratios matter: without them some of the modes are unstable that are not with them.
     assert np.median(-modes.s.real / np.abs(modes.s)) > 2e-3
@@ -107,16 +113,10 @@ def test_modes_beyond_the_cutoff_are_damped_too(two_blocks):
     scene = two_blocks("coarse")
     bodies = with_ratios(substructures(scene, "undamped", False))
     sample = Sample(scene, "undamped", mu=0.5, seed=4)
-    C = np.zeros(scene.K.shape)
-    for i, body in enumerate(bodies):
-        K, M = body.K.toarray(), body.M.toarray()
-        kappa, W = la.eigh(K, M)
-        omega = np.sqrt(np.maximum(kappa, 0.0))
-        damping = 2 * zeta_of(i, omega / 2 / np.pi) * omega
-        C[np.ix_(body.dofs, body.dofs)] = M @ W @ np.diag(damping) @ W.T @ M
-    dense = Dense(sample.M, sp.csr_matrix(C), sample.K, HIGH, ZETA)
+    C = damping(scene, bodies, [b.dofs.size for b in bodies])
+    dense = Dense(sample.M, C, sample.K, HIGH, ZETA)
     for cutoff in (None, 1.5 * BAND[1], 4 * BAND[1]):
-        model = ReducedModel.offline(bodies, scene.w, BAND, cutoff=cutoff)
+        model = reduce_bodies(bodies, scene.w, BAND, cutoff=cutoff)
         s = sample.modes(model).s
         s = s[s.imag > 1e-3 * HIGH]
         alpha = np.array([dense.sharp(value) for value in s]).real

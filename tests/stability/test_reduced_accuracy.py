@@ -45,8 +45,8 @@ def tangent(seed, mu):
 
 @cache
 def reduced(seed, tolerance):
-    K, M, N, T, k, end = system(seed)
-    return Reduced(K, M, N, T, np.ones(ELEMENTS), k, (0.0, end), tolerance)
+    K, M, N, T, _, end = system(seed)
+    return Reduced(K, M, N, T, np.ones(ELEMENTS), (0.0, end), tolerance)
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7, 1e-9, 1e-12])

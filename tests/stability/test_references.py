@@ -1,4 +1,4 @@
-"""Closed forms: flutter at its exceptional point, and large matrices of known spectrum."""
+"""Lattices of springs: large matrices of known spectrum, with exact multiplets."""
 
 import numpy as np
 import pytest
@@ -7,36 +7,6 @@ import scipy.sparse as sp
 from brake_fenicsx.stability import complex_modes
 
 TWO_PI = 2 * np.pi
-
-
-def flutter(d, a):
-    """M = 1, K = [[1 + d, a], [-a, 1 - d]]: kappa = 1 +- sqrt(d^2 - a^2)."""
-    K = sp.csr_matrix(np.array([[1 + d, a], [-a, 1 - d]]))
-    return complex_modes(sp.identity(2, format="csr"), None, K, (0.0, 1.0))
-
-
-def test_square_root_law_at_the_exceptional_point():
-    """Beyond a = d growth rises as the root of a - d, before it frequencies part likewise.
-
-    Condition: |d| / sqrt(d^2 - a^2) before, a / sqrt(a^2 - d^2) after: it falls as the root does.
-    """
-    d = 0.1
-    excess = 10.0 ** -np.arange(1, 7)
-    growth, parting, before, after = [], [], [], []
-    for e in excess:
-        m = flutter(d, d * (1 + e))
-        exact = np.sqrt(-(1 + 1j * d * np.sqrt(e * (2 + e))))
-        np.testing.assert_allclose(m.s.real.max(), abs(exact.real), rtol=1e-7)
-        growth.append(m.s.real.max())
-        after.append(m.condition.max() * np.sqrt(e * (2 + e)) / (1 + e))
-        m = flutter(d, d * (1 - e))
-        parting.append(np.ptp(m.s.imag))
-        before.append(m.condition.max() * np.sqrt(e * (2 - e)))
-    for values in (growth, parting):
-        slope = np.diff(np.log10(values[2:])) / np.diff(np.log10(excess[2:]))
-        np.testing.assert_allclose(slope, 0.5, atol=2e-3)
-    np.testing.assert_allclose(before, 1.0, rtol=1e-5)
-    np.testing.assert_allclose(after, 1.0, rtol=1e-5)
 
 
 def lattice(shape):

@@ -77,8 +77,7 @@ def nearest_modes(
     expected: int,
     leftmost: float = -np.inf,
     tolerance: float = 1e-11,
-    start: Array | None = None,
-) -> tuple[Complex, Complex, int]:
+) -> tuple[Complex, Complex]:
     """All eigenpairs with |kappa - sigma| <= reach and Re kappa >= leftmost.
 
     kappa = sigma + 1 / theta. Those further left are not waited for: strongly damped bodies gather
@@ -92,11 +91,10 @@ def nearest_modes(
         expected: about how many eigenvalues there are, conjugates included.
         leftmost: smallest real part wanted.
         tolerance: relative residual of (A - theta) x.
-        start: starting block that is rich in the wanted vectors, shape (n, BLOCK); random if None.
 
     Returns:
         kappa, those of positive imaginary part for their pairs; vectors, shape (n, modes), after
-        one more application of A; number of block solves.
+        one more application of A.
 
     Raises:
         NotConverged: the Krylov space fills without convergence.
@@ -105,16 +103,13 @@ def nearest_modes(
     room = min(n, 8 * expected + 48 * block)
     V = np.empty((n, room + block), order="F")
     H = np.zeros((room + block, room + block))
-    if start is None:
-        start = np.random.default_rng(0).standard_normal((n, block))
-    new = _orthonormal(apply(start))[0]
-    size = steps = 0
+    new = _orthonormal(apply(np.random.default_rng(0).standard_normal((n, block))))[0]
+    size = 0
     due = 2 * expected
     while size <= room:
         k, first = new.shape[1], size
         V[:, first : first + k] = new
         size += k
-        steps += 1
         W = apply(new)
         for _ in range(2):
             c = shares(V[:, :size], W)
@@ -131,7 +126,7 @@ def nearest_modes(
             beyond = np.abs(theta[~near]).max(initial=0.0) > 0 or full
             near[near] = sigma + (1 / theta[near]).real >= leftmost
             if full or (beyond and np.all(residual[near] < tolerance)):
-                return *_polished(apply, V[:, :size], sigma, theta[near], s[:, near]), steps
+                return _polished(apply, V[:, :size], sigma, theta[near], s[:, near])
         if size <= room:
             H[size : size + new.shape[1], first:size] = coupling
     raise NotConverged(

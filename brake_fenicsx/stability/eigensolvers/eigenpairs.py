@@ -8,7 +8,10 @@ Reference: F. Tisseur, Linear Algebra Appl. 309 (2000) 339, doi:10.1016/S0024-37
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+
+from mpi4py import MPI
 
 import numpy as np
 import scipy.linalg as la
@@ -17,8 +20,9 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.folder.processes import in_turns
 
-from .arnoldi import times
+from .arnoldi import times, with_conjugates
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -199,3 +203,35 @@ def matched(
             f"{inside.size} right eigenvectors, {rows.size - far.sum()} of them with a left one"
         )
     return inside, columns
+
+
+def both_sides(
+    side: Callable[[bool], tuple[Complex, Complex]],
+    sigma: float,
+    reach: float,
+    comm: MPI.Comm = MPI.COMM_SELF,
+    leftmost: float = -np.inf,
+    symmetric: bool = False,
+) -> tuple[Complex, Complex, Complex]:
+    """Eigenvalues within reach of a shift with right and left vectors; collective.
+
+    Args:
+        side: finds eigenvalues, one of each conjugate pair, and vectors of the problem (False) or
+            of the transposed one.
+        sigma: the shift.
+        reach: radius.
+        comm: two processes that take a side each, or one.
+        leftmost: smallest real part wanted.
+        symmetric: whether the transposed problem is the same one.
+
+    Returns:
+        Eigenvalues, conjugates included, right and left vectors.
+
+    Raises:
+        InaccurateResult: a right vector has no left one.
+    """
+    found = list(in_turns(1 if symmetric else 2, lambda i: side(i > 0), comm))
+    # Both of each pair: round-off splits a true doublet into a pair on one side alone.
+    (right, X), (left, Y) = (with_conjugates(*found[i]) for i in (0, -1))
+    i, j = matched(right, left, sigma, reach, leftmost)
+    return right[i], X[:, i], Y[:, j].conj()

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -28,23 +29,21 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers.argument_principle import RIM
-from ..eigensolvers.arnoldi import nearest_modes, times, with_conjugates
+from ..eigensolvers.arnoldi import nearest_modes, times
 from ..eigensolvers.eigenpairs import (
     ROUND_OFF,
     QuadraticPencil,
+    both_sides,
     damped_errors,
-    matched,
     paired,
     rayleigh_quotient,
     residuals,
 )  # fmt: skip
-from ..eigensolvers.rows import NEAR_ZERO, damped_rows
 from ..eigensolvers.symmetric import SHIFT, count_below
-from ..modes import Complex, Count, Counting, Modes
+from ..modes import NEAR_ZERO, Complex, Count, Modes, damped_rows
 from .dense import DENSE, counted_quadratic, dense_quadratic_modes
 from .eigenproblem import SplitProblem
 
@@ -53,7 +52,7 @@ Array = NDArray[np.float64]
 
 def quadratic_modes(
     p: QuadraticPencil, high: float, zeta_max: float, comm: MPI.Comm = MPI.COMM_SELF
-) -> tuple[Complex, Complex, Complex, int]:
+) -> tuple[Complex, Complex, Complex]:
     """All modes with |lambda| up to the far corners of the region that is counted, and conjugates.
 
     Those that decay faster than the region reaches are left out.
@@ -65,7 +64,7 @@ def quadratic_modes(
         comm: two processes that share the work, or one.
 
     Returns:
-        lambda [1/s], right and left vectors, block solves.
+        lambda [1/s], right and left vectors.
 
     Raises:
         NotConverged: the Krylov space fills without convergence.
@@ -78,20 +77,17 @@ def quadratic_modes(
     reach = RIM * high / np.sqrt(1 - zeta_max**2) + s
     leftmost = -RIM * high * zeta_max / np.sqrt(1 - zeta_max**2)
 
-    def side(M: sp.csr_matrix, C: sp.csr_matrix, K: sp.csr_matrix) -> tuple[Complex, Complex, int]:
-        apply, lu = _operator(M, C, K, s, high)
-        n = 2 * K.shape[0]
+    def side(transposed: bool) -> tuple[Complex, Complex]:
+        m, c, k = (A.T.tocsr() if transposed else A for A in (M, C, K))
+        apply, lu = _operator(m, c, k, s, high)
+        n = K.shape[0]
         # A little further, so that each of the right ones has its left one.
-        found, X, steps = nearest_modes(apply, n, s, RIM * reach, 2 * count + 2, RIM * leftmost)
+        found, X = nearest_modes(apply, 2 * n, s, RIM * reach, 2 * count + 2, RIM * leftmost)
         lu.destroy()
-        return *with_conjugates(found, X[: n // 2]), steps
+        return found, X[:n]
 
-    one = _symmetric(C) and _symmetric(K)
-    sides = [(M, C, K), (M.T.tocsr(), C.T.tocsr(), K.T.tocsr())][: 1 if one else 2]
-    done = list(in_turns(len(sides), lambda i: side(*sides[i]), comm))
-    (found, right, steps), (other, left, more) = done[0], done[-1]
-    i, j = matched(found, other, s, reach, leftmost)
-    return found[i], right[:, i], left[:, j].conj(), steps + more
+    symmetric = _symmetric(C) and _symmetric(K)
+    return both_sides(side, s, reach, comm, leftmost, symmetric)
 
 
 def _symmetric(A: sp.spmatrix) -> bool:
@@ -119,7 +115,7 @@ def damped_modes(
     band: tuple[float, float],
     tolerance: float,
     zeta_max: float,
-    counted: Callable[[SplitProblem, sp.csr_matrix, Complex, float, float], Counting],
+    counted: Callable[[SplitProblem, sp.csr_matrix, Complex, float, float, MPI.Comm], Count],
     comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Modes:
     """All modes of a band with alpha >= -zeta_max |lambda|, one of each conjugate pair.
@@ -130,8 +126,8 @@ def damped_modes(
         band: lowest and highest frequency [Hz].
         tolerance: relative residual of every mode.
         zeta_max: largest damping ratio looked for.
-        counted: counts the modes of a large problem, see ``damped_count``.
-        comm: two processes that share the work, or one; collective.
+        counted: counts the modes of a large problem, see ``reduced_count``.
+        comm: processes that share the work; collective.
 
     Returns:
         The modes; where their number could not be counted the record says why.
@@ -144,11 +140,11 @@ def damped_modes(
     low, high = (2 * np.pi * f for f in band)
     pencil = QuadraticPencil(problem.M, C, problem.K)
     if problem.K.shape[0] <= DENSE:
-        s, right, left, used = *dense_quadratic_modes(pencil, high), 1
+        s, right, left = dense_quadratic_modes(pencil, high)
         counting = counted_quadratic(pencil, s, high, zeta_max)
     else:
-        s, right, left, used = quadratic_modes(pencil, high, zeta_max, comm)
-        counting = counted(problem, C, s, high, zeta_max)
+        s, right, left = quadratic_modes(pencil, high, zeta_max, comm)
+        counting = counted(problem, C, s, high, zeta_max, comm)
     # Only decay is cut off: a mode that grows faster than that is news.
     slow = s.real >= -zeta_max * np.abs(s)
     chosen = np.flatnonzero(
@@ -169,6 +165,6 @@ def damped_modes(
         )
     return Modes(
         s, right, left, residual, error[rows], condition[rows],
-        Count(s.size, *counting), used, time.perf_counter() - start,
+        replace(counting, expected=s.size), time.perf_counter() - start,
         np.zeros(s.size, dtype=bool),
     )  # fmt: skip

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
-from ..eigensolvers.argument_principle import count_zeros, damped_region, undamped_region
+from ..eigensolvers.argument_principle import count_zeros, counted_region
 from ..eigensolvers.eigenpairs import QuadraticPencil
 from ..eigensolvers.symmetric import SHIFT, count_below
-from ..modes import Counting
+from ..modes import Count
 from .eigenproblem import Found, SplitProblem, agree
 
 Array = NDArray[np.float64]
@@ -29,13 +29,12 @@ DENSE = 300
 MASSLESS = 1e-14
 
 
-def small_modes(p: SplitProblem, low: float, high: float, zeta_max: float) -> Found:
+def small_modes(p: SplitProblem, high: float, zeta_max: float) -> Found:
     """Modes without damping, counted by inertia if K is symmetric, else by the argument principle.
 
     Args:
         p: the problem.
-        low: lower end of the band [1/s^2].
-        high: upper end [1/s^2].
+        high: upper end of the band [1/s^2].
         zeta_max: largest damping ratio looked for.
 
     Raises:
@@ -45,13 +44,9 @@ def small_modes(p: SplitProblem, low: float, high: float, zeta_max: float) -> Fo
     if p.symmetric:
         expected, at = count_below(p.K, p.M, high)
         agree(int(np.sum(kappa.real < at)), expected, high, "inertia")
-        return Found(kappa, right, left, Counting("proven", "inertia of K - kappa M"), 1)
-    K, M = p.K.toarray(), p.M.toarray()
-    region = undamped_region(kappa, low, high, zeta_max)
-    expected = count_zeros(lambda z: K - z * M, region, kappa)
-    agree(int(region.holds(kappa).sum()), expected, high, "the winding number")
-    counting = Counting("proven", "winding number of det(K - kappa M)")
-    return Found(kappa, right, left, counting, 1)
+        return Found(kappa, right, left, Count("proven", "inertia of K - kappa M"))
+    pencil, s = QuadraticPencil(p.M, None, p.K), np.sqrt(-kappa)
+    return Found(kappa, right, left, counted_quadratic(pencil, np.r_[s, -s], high**0.5, zeta_max))
 
 
 def dense_modes(p: SplitProblem, high: float) -> tuple[Complex, Complex, Complex]:
@@ -113,11 +108,11 @@ def dense_quadratic_modes(p: QuadraticPencil, high: float) -> tuple[Complex, Com
     return shift + 1 / theta.astype(complex), z.astype(complex), y[n:]
 
 
-def counted_quadratic(p: QuadraticPencil, s: Complex, high: float, zeta_max: float) -> Counting:
+def counted_quadratic(p: QuadraticPencil, s: Complex, high: float, zeta_max: float) -> Count:
     """Compare with the turns of det(lambda^2 M + lambda C + K) around |omega| <= high.
 
     Args:
-        p: the problem, with damping.
+        p: the problem.
         s: all its eigenvalues [1/s].
         high: omega of the band's end [rad/s].
         zeta_max: largest damping ratio looked for.
@@ -128,12 +123,13 @@ def counted_quadratic(p: QuadraticPencil, s: Complex, high: float, zeta_max: flo
     Raises:
         InaccurateResult: the numbers differ.
     """
-    region = damped_region(s, high, 2 * zeta_max, 1.1)
-    M, C, K = (sp.csr_matrix(A).toarray() for A in (p.M, p.C, p.K))
+    region = counted_region(s, high, 2 * zeta_max, 1.1)
+    M, K = (sp.csr_matrix(A).toarray() for A in (p.M, p.K))
+    C = np.zeros(K.shape) if p.C is None else sp.csr_matrix(p.C).toarray()
     scale = np.abs(K).max()
     counted = count_zeros(lambda z: (z**2 * M + z * C + K) / scale, region, s)
     agree(int(region.holds(s).sum()), counted, high**2, "the winding number")
-    return Counting("proven", "winding number of det(lambda^2 M + lambda C + K)")
+    return Count("proven", "winding number of det(lambda^2 M + lambda C + K)")
 
 
 def _factored(S: Array) -> tuple[Array, NDArray[np.int32]]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
-from ..modes import Counting
+from ..modes import Count
 from .interface import Interface
 
 Complex = NDArray[np.complex128]
@@ -45,17 +45,17 @@ class SplitProblem:
         return "; give frictionless=, the stiffness at mu = 0" if self.halved else ""
 
     @property
-    def not_low_rank(self) -> Counting:
+    def not_low_rank(self) -> Count:
         """Record of modes that are not counted because of the rank of friction."""
         reason = "K less its frictionless part is not of low rank"
-        return Counting("not counted", reason + self.remedy)
+        return Count("not counted", reason + self.remedy)
 
     @property
-    def indefinite(self) -> Counting:
+    def indefinite(self) -> Count:
         """Record of modes that are not counted because of the frictionless part."""
         part = "symmetric half of K" if self.halved else "frictionless stiffness"
         reason = f"the {part} is not positive semi-definite{self.remedy}"
-        return Counting("not counted", reason)
+        return Count("not counted", reason)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +67,12 @@ class Found:
         right: right vectors, shape (dofs, modes).
         left: left vectors, psi^H K = kappa psi^H M.
         counting: how their number was counted.
-        iterations: block solves or restarts.
     """
 
     kappa: Complex
     right: Complex
     left: Complex
-    counting: Counting
-    iterations: int
+    counting: Count
 
 
 def agree(found: int, expected: int, high: float, by: str) -> None:

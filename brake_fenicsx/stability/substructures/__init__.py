@@ -1,6 +1,7 @@
 """Reduced model of a brake from its substructures: component mode synthesis with exact contact."""
 
-from .contact_linearisation import ContactLinearisation
+from .contact_rows import ContactLinearisation
+from .offline import reduce_bodies
 from .parameters import CONSTANT, Parameters
 from .reach import Shortfall, shortfall
 from .reduced_model import ReducedModel
@@ -8,5 +9,5 @@ from .substructure import Substructure, split_substructures
 
 __all__ = [
     "CONSTANT", "ContactLinearisation", "Parameters", "ReducedModel", "Shortfall", "Substructure",
-    "shortfall", "split_substructures",
+    "reduce_bodies", "shortfall", "split_substructures",
 ]  # fmt: skip

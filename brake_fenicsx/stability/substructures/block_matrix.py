@@ -9,11 +9,14 @@ f that they make,
 and with loads q the terms load(w) q and push(w) q on the right, load = W'F - D_XF, push = -D_OF;
 the letters those of ``seen_body``. Each is a polynomial in w, summed over the bodies here and
 nowhere else. Samples, lines of them, equilibrium and limit cycles are algebra on it.
+
+At equilibrium, lambda = 0, elastic coordinates are eliminated; those of a body that moves freely
+without contact, or nearly so, have no inverse and are kept.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,10 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .component import AtPoint, Placed
-from .contact_rows import Rows
+from .contact_rows import SIGMA, Rows
+from .interpolated import Powers
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+
+# A kept mode is free if its frequency at the centre of the box lies below this share of the band's.
+FREE = 1e-2
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,19 +143,34 @@ def assembled(
                 source[n][seen, modes] -= A[O, X]
                 lead[n][modes, met] -= A[f * m :, I]
                 load[n][modes] -= A[f * m :, end:]
-        if not (O.size and I.size):
-            continue
-        # Faster than picking by rows and columns; one coefficient at a time stays in the cache.
-        flat = O[:, None] * view.D[0].shape[1] + I
-        parts = [np.empty(flat.shape, A.dtype) for A in view.D[:2]]
-        places = [[_square(a, b) for b in np.split(met, g)] for a in np.split(seen, f)]
-        for n, A in enumerate(view.D):
-            # In place and without checks of bounds it takes two thirds of the time.
-            part = np.take(A, flat, out=parts[min(n, 1)], mode="clip")
-            for line, row in zip(places, np.split(part, f), strict=True):
-                for place, block in zip(line, np.hsplit(row, g), strict=True):
-                    D[n][place] += block
+        if O.size and I.size:
+            places = [[_square(a, b) for b in np.split(met, g)] for a in np.split(seen, f)]
+            _add(D, view.D, O[:, None] * view.D[0].shape[1] + I, places)
     return BlockMatrix(own, lead, source, D, load, push)
+
+
+def _add(
+    D: list[NDArray[Any]],
+    coefficients: Powers,
+    flat: Index,
+    places: list[list[tuple[Any, Any]]],
+) -> None:
+    """Add some entries of a body's coefficients to D.
+
+    Args:
+        D: shape (followed rows, acting rows) each.
+        coefficients: of the body.
+        flat: places of the entries in their memory: faster than picking by rows and columns.
+        places: rows and columns of each of their blocks in D.
+    """
+    parts = [np.empty(flat.shape, A.dtype) for A in coefficients[:2]]
+    for n, A in enumerate(coefficients):
+        # One at a time stays in the cache; in place and without checks of bounds it takes two
+        # thirds of the time.
+        part = np.take(A, flat, out=parts[min(n, 1)], mode="clip")
+        for line, row in zip(places, np.split(part, len(places)), strict=True):
+            for place, block in zip(line, np.hsplit(row, len(line)), strict=True):
+                D[n][place] += block
 
 
 def _square(rows: Index, columns: Index) -> tuple[Any, Any]:
@@ -163,3 +185,48 @@ def _square(rows: Index, columns: Index) -> tuple[Any, Any]:
         return slices[0], slices[1]
     first, second = np.ix_(rows, columns)
     return first, second
+
+
+def static_compliance(
+    b: BlockMatrix, free: NDArray[np.bool_], stiffness: Array, rows: Rows, omega: float
+) -> tuple[Array, Array, Array]:
+    """Static compliance: gaps and free coordinates; see ``macro.condensation.Compliance``.
+
+    Args:
+        b: the bodies seen from all contact elements.
+        free: kept modes that move freely, shape (kept modes,).
+        stiffness: typical one of the contact elements [N/m], shape (elements,): free coordinates
+            are scaled so that the gaps, and forces of this stiffness, are about as large as theirs.
+        rows: blocks of contact rows.
+        omega: end of the band [rad/s].
+
+    Returns:
+        Shapes (all, all), (all, elements) and (all, loads) [m/N], all: elements and coordinates.
+    """
+    n = stiffness.size
+    A, lead, load = (_at_rest(X, rows) for X in (b.own, b.lead, b.load))
+    D, gaps, push = (_at_rest([Y[:n] for Y in X], rows) for X in (b.D, b.source, b.push))
+    NN, NT, NF = D[:, :n], D[:, n : 2 * n], -push
+    forces = np.hstack([lead[:, : 2 * n], load, A[:, free]])
+    held = np.linalg.solve(A[np.ix_(~free, ~free)], forces[~free])
+    through, onto = gaps[:, ~free] @ held, forces[free] - A[np.ix_(free, ~free)] @ held
+    ends = np.cumsum([n, n, load.shape[1]])
+    (NN_, NT_, NF_, motion), (normal, slip, loads, Z) = (
+        np.hsplit(X, ends) for X in (through, onto)
+    )
+    NN, NT, NF, motion = NN + NN_, NT + NT_, NF + NF_, gaps[:, free] - motion
+    column = 1 / np.maximum(np.abs(motion).max(axis=0, initial=0.0), 1e-300)
+    row = 1 / np.maximum(np.abs(normal) @ stiffness, 1e-300)[:, None]
+    scale = 1 / omega**2
+    corner = row * (omega**2 * Z) * column - np.eye(free.sum())
+    return (
+        np.block([[0.5 * scale * (NN + NN.T), -motion * column], [row * normal, corner]]),
+        np.vstack([scale * NT, row * slip]),
+        np.vstack([scale * NF, row * loads]),
+    )
+
+
+def _at_rest(A: Iterable[NDArray[Any]], rows: Rows) -> Array:
+    """A polynomial in w at lambda = 0."""
+    w = -rows.shift if rows.damped else SIGMA
+    return np.asarray(sum(w**n * B for n, B in enumerate(A)), float)

@@ -67,11 +67,6 @@ class Parameters:
         """Coefficients at the centre of the box."""
         return self.coefficients(np.zeros(self.dimension))
 
-    @property
-    def extreme_shapes(self) -> list[Array]:
-        """The corners of the box of the shapes, all else at the centre; none of constant shapes."""
-        return self.corners(self.shapes)
-
     def corners(self, names: tuple[int, ...]) -> list[Array]:
         """The corners of the box of some parameters, all else at the centre; none of none."""
         points: list[Array] = []

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import log
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +17,10 @@ from numpy.typing import NDArray
 from brake_fenicsx.folder.log import logger
 
 from ..modes import relative_errors
-from .contact_linearisation import ContactLinearisation
-from .contact_rows import SIGMA
+from .contact_rows import SIGMA, ContactLinearisation
 from .error_estimates import SAFETY
 from .parameters import BETWEEN
-from .sample import Sample
-
-if TYPE_CHECKING:
-    from .reduced_model import ReducedModel
+from .reduced_model import ReducedModel
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -146,7 +141,7 @@ def _errors(model: ReducedModel, contact: ContactLinearisation) -> Array:
 
 def _of_each_parameter(model: ReducedModel, contact: ContactLinearisation) -> Array:
     """What the highest degree in each parameter makes of the stated errors, shape (d,)."""
-    dimension, omega = model.parameters.dimension, 2 * np.pi * model.band[1]
+    dimension = model.parameters.dimension
     # z is lambda or its square, but for a shift.
     rates, out = model.rows.rates, np.zeros(dimension)
     zero, factor = (-model.rows.shift, SAFETY) if rates else (SIGMA, 0.5 * SAFETY)
@@ -156,9 +151,7 @@ def _of_each_parameter(model: ReducedModel, contact: ContactLinearisation) -> Ar
             x = side * np.eye(dimension)[j]
             # The first estimate is the step from one degree lower: here other parameters add none.
             views = [replace(view, errors=view.errors[:1]) for view in model.at(x)]
-            sample = Sample(model.bodies, views, contact, model.areas(x), model.rows, omega)
-            found = sample.zeros(*model.searched)
-            errors = sample.polynomial_errors(found.z, sample.quotient(found))
+            found, _, errors = model.quotient(model.sample(x, contact, views))
             largest += list(factor * errors / np.maximum(np.abs(found.z - zero), NEAR_ZERO))
         out[j] = np.quantile(largest, 1 - ALLOWED)
     return out

@@ -1,7 +1,7 @@
 """Reduced model of a brake: undamped or damped, of constant materials or over a box of them.
 
 Offline, each substructure gives its kept modes and polynomials of what they leave out
-(``component``). A sample then needs dense matrices alone: contact and friction enter exactly
+(``offline``). A sample then needs dense matrices alone: contact and friction enter exactly
 (``sample``), every eigenvalue has an estimated error (``errors``), and no mode is missed, because
 an inertia count proves the kept modes complete and no pole of what is left out lies in the band.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from math import ceil, log10
+from dataclasses import replace
 from typing import Any
 
 from mpi4py import MPI
@@ -19,29 +19,21 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from brake_fenicsx.arguments import frequency_band
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.memory import release_memory
 
 from ..eigensolvers.arnoldi import with_conjugates
-from ..eigensolvers.rows import damped_rows, undamped_rows
-from ..modes import Complex, Count, Counting, Modes
-from .block_matrix import BlockMatrix, Chosen, assembled
+from ..modes import Complex, Count, Modes, damped_rows, undamped_rows
+from .block_matrix import FREE, BlockMatrix, Chosen, assembled, static_compliance
 from .component import AtPoint, Component, Placed, placed
-from .contact_linearisation import ContactLinearisation
-from .contact_rows import SIGMA, Rows
+from .contact_rows import SIGMA, ContactLinearisation, Rows
 from .error_estimates import Corrected, corrected
-from .offline import OfflineBodies
-from .parameter_line import Basis
 from .parameters import CONSTANT, Parameters
-from .reach import higher
+from .polynomials import Zeros
 from .sample import Sample
-from .static import FREE, static_compliance
-from .substructure import Substructure
-from .trial import UnitContact
+from .sample_problem import Quotient
 from .vectors import (
     ContactMotions,
-    SampleModes,
     mode_displacements,
     motions_of_elements,
     sharpened,
@@ -50,17 +42,12 @@ from .vectors import (
 
 Array = NDArray[np.float64]
 
-# Relative error that five points in kappa reach, with degree 4 over a box of materials, and how
-# much one degree and one point more gain: measured on two blocks in perfect contact, moduli +-20 %.
-REACHED, GAIN = 1e-5, 12.0
-
 # Zeros are corrected up to this multiple of the band's end: at the reference brake those of the
 # truncated series are off by less than 1e-4. Modes of the band that grow strongly lie further out:
 # they are listed up to this multiple of |lambda|.
 SEARCHED, LISTED = 1.1, 1.3
 
-NEAR = Counting("not counted", "found on the vectors of other values of the sample")
-COUNTED = Counting(
+COUNTED = Count(
     "proven",
     f"zeros of T(z), |lambda| up to {LISTED} times the band's end, on modes of the bodies complete"
     " by inertia",
@@ -73,6 +60,7 @@ class ReducedModel:
     Attributes:
         bodies: the reduced bodies and their mirror images.
         band: lowest and highest frequency [Hz].
+        omega: end of the band [rad/s].
         rows: blocks of contact rows, and whether anything depends on a rate.
         parameters: those that the materials depend on.
         orders: degree of the interpolation in each of them, shape (d,).
@@ -99,85 +87,18 @@ class ReducedModel:
         self.parameters: Parameters = parameters
         self.orders: NDArray[np.intp] = arrays["orders"]
         self.seconds: float = float(arrays["seconds"])
-        self._w, self._omega = np.asarray(w, float), 2 * np.pi * band[1]
+        self._w, self.omega = np.asarray(w, float), 2 * np.pi * band[1]
         self.rows: Rows = Rows(str(arrays["followed"]), bool(arrays["damped"]))
         groups: dict[str, dict[str, NDArray[Any]]] = {}
         for name, values in arrays.items():
             owner, dot, inner = name.partition(".")
             if dot:
                 groups.setdefault(owner, {})[inner] = values
-        self.bodies: list[Placed] = placed(groups, self.rows, parameters, self._omega)
+        self.bodies: list[Placed] = placed(groups, self.rows, parameters, self.omega)
         self._latest: tuple[Array, dict[int, AtPoint]] | None = None
         # Of constant materials all samples share the compliance.
         self._rest: tuple[Array, Array, tuple[Array, Array, Array]] | None = None
-        self._unit: tuple[Array, UnitContact] | None = None
-
-    @classmethod
-    def offline(
-        cls,
-        substructures: Sequence[Substructure],
-        w: ArrayLike,
-        band: tuple[float, float],
-        parameters: Parameters = CONSTANT,
-        followed: str = "N",
-        tolerance: float = 1e-5,
-        cutoff: float | None = None,
-        contact: ContactLinearisation | None = None,
-        comm: MPI.Comm | None = None,
-        progress: Callable[[int], Callable[[int], None]] = lambda total: lambda done: None,
-        keep: Callable[[dict[str, NDArray[Any]]], Mapping[str, NDArray[Any]]] | None = None,
-    ) -> ReducedModel:
-        """Reduce the bodies of a brake and take the model; collective.
-
-        Args:
-            substructures: the bodies, see ``split_substructures``.
-            w: areas of all contact elements [m^2], shape (elements,).
-            band: lowest and highest frequency [Hz].
-            parameters: box of the materials; constant ones by default.
-            followed: motions whose rates or values contact forces follow: "N", with "T" (falling
-                friction) and "R" (sliding damping) where they act.
-            tolerance: wanted relative error of lambda; more points and higher degrees below 1e-5.
-            cutoff: kept modes reach up to this frequency [Hz]; chosen from the softening of the box
-                if None.
-            contact: of a typical sample. Where estimated errors with it exceed the tolerance, the
-                degree is raised and the work done again (``reach``); never if None.
-            comm: processes that share the work; this process alone if None.
-            progress: called with the number of factors of this process; what it returns is called
-                with the number of those that were done since.
-            keep: called by all processes with what the first one made (nothing on others); what
-                it returns is what each process works with. All get their own copy if None.
-
-        Raises:
-            SceneError: a band, cutoff or tolerance that is none.
-            InaccurateResult: a body is not positive definite somewhere in the box, an inertia count
-                finds a mode missing, a factor is wrong, or damping is too strong.
-        """
-        start, comm = time.perf_counter(), MPI.COMM_SELF if comm is None else comm
-        band = frequency_band(band)
-        if cutoff is not None and not cutoff > band[1]:
-            raise SceneError(f"cutoff {cutoff:g} Hz must lie above the band's {band[1]:g} Hz")
-        damped = any(body.C is not None or body.ratios for body in substructures)
-        rows, omega = Rows(followed, damped), 2 * np.pi * band[1]
-        reach = None if cutoff is None else cutoff / band[1]
-        bodies = OfflineBodies(
-            substructures, rows, parameters, _degrees(tolerance, rows), omega, reach, comm
-        )
-
-        def made(orders: NDArray[np.intp]) -> ReducedModel:
-            arrays = bodies.arrays(orders, progress)
-            if comm.rank == 0:
-                arrays |= {"followed": np.array(followed), "damped": np.array(damped)}
-                arrays |= {"seconds": np.array(time.perf_counter() - start)}
-            held = _on_all(arrays, comm) if keep is None else keep(arrays)
-            return cls(held, w, band, parameters)
-
-        model = made(bodies.orders)
-        while contact is not None:
-            orders = comm.bcast(higher(model, contact, tolerance, bodies.points))
-            if orders is None:
-                break
-            model = made(orders)
-        return model
+        self._kept: tuple[Array, BlockMatrix] | None = None
 
     def at(self, p: ArrayLike) -> list[AtPoint]:
         """The bodies at a point of the box [-1, 1]^d; mirror images share theirs."""
@@ -193,7 +114,6 @@ class ReducedModel:
         p: ArrayLike,
         contact: ContactLinearisation,
         zeta_max: float = 0.1,
-        line: Basis | None = None,
     ) -> Modes:
         """Complex modes of one sample in the band.
 
@@ -202,8 +122,6 @@ class ReducedModel:
             contact: what acts in its contact elements.
             zeta_max: where something is damped, decaying modes are returned up to this damping
                 ratio.
-            line: values before it of the same sample, on whose vectors its modes are found where
-                these suffice.
 
         Returns:
             The modes; ``right`` and ``left`` in the coordinates of the kept modes of all bodies.
@@ -214,21 +132,15 @@ class ReducedModel:
             SceneError: a number of contact elements other than the model's.
         """
         start = time.perf_counter()
-        if line is not None and self.rows.followed == "N":
-            near = line.found(self, p, contact)
-            if near is not None:
-                return self._rows(near, zeta_max, start, NEAR)
-        else:
-            line = None
-        found = self._corrected(self.sample(p, contact), p, contact, line)
-        return self._rows(found, zeta_max, start)
+        found = corrected(*self.quotient(self.sample(p, contact)))
+        return self.listed_modes(found, zeta_max, start)
 
     def zeros(self, p: ArrayLike, contact: ContactLinearisation) -> Complex:
         """Eigenvalues lambda [1/s] near the band, conjugates included, shape (zeros,)."""
-        z = self._corrected(self.sample(p, contact), p, contact).zeros.z
+        z = corrected(*self.quotient(self.sample(p, contact))).zeros.z
         z = np.r_[z, z[z.imag > 0].conj()]
         z = z + self.rows.shift if self.rows.rates else np.sqrt(SIGMA - z + 0j)
-        return np.asarray(self._omega * z)
+        return np.asarray(self.omega * z)
 
     def static(self, p: ArrayLike, k0: Array) -> tuple[Array, Array, Array]:
         """Compliance of the bodies at the contact elements, with free coordinates.
@@ -245,8 +157,8 @@ class ReducedModel:
             np.array_equal(self._rest[0], x) and np.array_equal(self._rest[1], k0)
         ):
             kappa = np.concatenate([body.component.kappa for body in self.bodies])
-            free, stiffness = kappa <= (FREE * self._omega) ** 2, self.areas(p) * k0
-            given = self.blocks(x), free, stiffness, self.rows, self._omega
+            free, stiffness = kappa <= (FREE * self.omega) ** 2, self.areas(p) * k0
+            given = self.blocks(x), free, stiffness, self.rows, self.omega
             self._rest = x, k0, static_compliance(*given)
         return self._rest[2]
 
@@ -290,9 +202,7 @@ class ReducedModel:
         """
         chosen = []
         for p, contact, s, a in modes:
-            a = a.conj() if left else a
-            sample, x = self.sample(p, contact), np.asarray(p, float)
-            chosen.append(SampleModes(sample, x, self.scaled(s), a))
+            chosen.append((self.sample(p, contact), self.scaled(s), a.conj() if left else a))
             release_memory()
         found = mode_displacements(chosen, self.rows, left, comm, aside)
         return [(u.conj() if left else u, error) for u, error in found]
@@ -316,12 +226,12 @@ class ReducedModel:
         sample, z = self.sample(p, contact), self.scaled(s)
         v, error = sharpened(sample, z, right, left.conj())
         seen, met = motions_of_elements(sample, self.rows, self._w.size, z, v)
-        slope = slopes(sample, z, v) * (self._omega if self.rows.rates else -2 * s)
+        slope = slopes(sample, z, v) * (self.omega if self.rows.rates else -2 * s)
         return ContactMotions(s, slope, seen, met, error), v.a, v.b.conj()
 
     def scaled(self, s: Complex) -> Complex:
         """Z of lambda = s [1/s], in units of the model."""
-        scaled = s / self._omega
+        scaled = s / self.omega
         return scaled - self.rows.shift if self.rows.rates else SIGMA - scaled**2
 
     def coordinates(self, A: sp.csr_matrix, u: NDArray[Any] | None = None) -> NDArray[Any]:
@@ -378,45 +288,42 @@ class ReducedModel:
         """Reduced bodies, each once."""
         return list({id(b.component): b.component for b in self.bodies}.values())
 
-    def sample(self, p: ArrayLike, contact: ContactLinearisation) -> Sample:
-        """The reduced problem of a sample; arguments as for ``modes``."""
+    def sample(
+        self, p: ArrayLike, contact: ContactLinearisation, views: list[AtPoint] | None = None
+    ) -> Sample:
+        """The reduced problem of a sample; arguments as for ``modes``, bodies other than ``at``."""
         if contact.k.shape != self._w.shape:
             raise SceneError(
                 f"k: {contact.k.size} values for {self._w.size} contact elements of the model"
             )
-        return Sample(self.bodies, self.at(p), contact, self.areas(p), self.rows, self._omega)
+        x, views = np.asarray(p, float), self.at(p) if views is None else views
+        return Sample(self.bodies, x, views, contact, self.areas(x), self.rows, self.omega)
 
-    def _corrected(
-        self, sample: Sample, p: ArrayLike, contact: ContactLinearisation, line: Basis | None = None
-    ) -> Corrected:
-        """Zeros in the band or a little beyond, and their errors."""
+    def quotient(self, sample: Sample) -> tuple[Zeros, Quotient, Array]:
+        """Zeros in the band or a little beyond, their quotients, and errors of the polynomials."""
         found = sample.zeros(*self.searched)
         q = sample.quotient(found)
-        interpolated = sample.polynomial_errors(found.z, q)
-        if line is not None:
-            line.learn(p, sample, contact.k / self.unit_stiffness(p), q, interpolated)
-        return corrected(found, q, interpolated)
+        return found, q, sample.polynomial_errors(found.z, q)
 
-    def blocks(self, p: ArrayLike) -> BlockMatrix:
-        """The bodies seen from all contact elements at a point of the box."""
+    def blocks(self, p: ArrayLike, keep: bool = False) -> BlockMatrix:
+        """The bodies seen from all contact elements at a point of the box.
+
+        Args:
+            p: the point, shape (d,).
+            keep: whether the matrix will be asked for again; the latest of these is kept.
+        """
+        x = np.asarray(p, float)
+        if self._kept is not None and np.array_equal(self._kept[0], x):
+            return self._kept[1]
         every = Chosen.of(self.bodies, np.arange(self._w.size), self._w.size)
-        return assembled(self.bodies, self.at(p), self.rows, every)
+        found = assembled(self.bodies, self.at(x), self.rows, every)
+        self._kept = (x, found) if keep else self._kept
+        return found
 
     def areas(self, p: ArrayLike) -> Array:
         """Areas of the contact elements at a point of the box [m^2]."""
         contact = self.parameters.contact
         return self._w if contact is None else contact(np.asarray(p, float))[1]
-
-    def unit_stiffness(self, p: ArrayLike) -> Array:
-        """Contact stiffness k for which w k is 1 in units of the band's end [Pa/m]."""
-        return np.asarray(self._omega**2 / self.areas(p))
-
-    def unit_contact(self, p: ArrayLike) -> UnitContact:
-        """The bodies under unit contact stiffness at a point of the box; the latest is kept."""
-        x = np.asarray(p, float)
-        if self._unit is None or not np.array_equal(self._unit[0], x):
-            self._unit = x, UnitContact.of(self, x)
-        return self._unit[1]
 
     @property
     def searched(self) -> tuple[float, Callable[[Complex], NDArray[np.intp]]]:
@@ -435,16 +342,18 @@ class ReducedModel:
 
         return reach, near
 
-    @property
-    def listed(self) -> float:
-        """Largest |lambda| of the modes that are listed, over the band's end."""
-        return LISTED
-
-    def _rows(
-        self, found: Corrected, zeta_max: float, start: float, counting: Counting = COUNTED
+    def listed_modes(
+        self, found: Corrected, zeta_max: float, start: float, counting: Count = COUNTED
     ) -> Modes:
-        """Rows of the band from corrected zeros."""
-        omega, z, slope, error = self._omega, found.zeros.z, found.slope, found.error
+        """Modes of the band from corrected zeros.
+
+        Args:
+            found: the zeros.
+            zeta_max: see ``modes``.
+            start: when the work began, by ``time.perf_counter`` [s].
+            counting: how they were counted.
+        """
+        omega, z, slope, error = self.omega, found.zeros.z, found.slope, found.error
         right, left = found.zeros.right, found.zeros.left.conj()
         if self.rows.rates:
             s = omega * (z + self.rows.shift)
@@ -468,22 +377,5 @@ class ReducedModel:
         size = np.where(np.abs(lam) > spread, np.abs(lam), np.maximum(spread, omega))
         return Modes(
             lam, right[:, order], left[:, order], 2 * spread / condition / size, spread, condition,
-            Count(lam.size, *counting), 0, time.perf_counter() - start, real,
+            replace(counting, expected=lam.size), time.perf_counter() - start, real,
         )  # fmt: skip
-
-
-def _degrees(tolerance: float, rows: Rows) -> tuple[int, ...]:
-    """Degree of the interpolation of each coefficient in w; two of lambda for each of kappa."""
-    if not 0 < tolerance < 1:
-        raise SceneError(f"tolerance = {tolerance:g}: a relative error between 0 and 1 is needed")
-    top = int(np.clip(4 + ceil(log10(REACHED / tolerance) / log10(GAIN) - 1e-9), 2, 8))
-    # Measured: with one degree less for every two coefficients, these err about alike.
-    if rows.damped:
-        return tuple(max(1, top - (n + 3) // 4) for n in range(2 * top + 3))
-    # Modes that grow as fast as they turn lie off the real axis of kappa.
-    return tuple(max(1, top - (n + 1) // 2) for n in range(top + 1 + rows.rates))
-
-
-def _on_all(arrays: dict[str, NDArray[Any]], comm: MPI.Comm) -> dict[str, NDArray[Any]]:
-    """Arrays of the first process on all of them; collective."""
-    return {name: comm.bcast(arrays.get(name)) for name in comm.bcast(list(arrays))}

@@ -18,16 +18,14 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import Factor
 
-from ..eigensolvers.lanczos import lowest_modes
-from ..eigensolvers.symmetric import count_below
-from .complement import Complement
+from ..eigensolvers.symmetric import count_below, modes_below
 from .component import interface_at, matrices
 from .contact_rows import SIGMA, Rows
 from .frequency import Polynomial, imaginary_points, real_points
 from .interpolated import InterpolatedCoefficients
 from .parameters import Parameters
 from .sample_problem import ROUND_OFF
-from .seen_body import SeenBody
+from .seen_body import Complement, SeenBody
 from .substructure import Substructure
 
 Array = NDArray[np.float64]
@@ -288,7 +286,10 @@ def kept_modes(
         if not shaped:
             return KeptModes(W, kappa, kept, kept * float(np.sqrt(softening)))
         # Materials soften every shape alike; shapes are compared at the centre of the materials.
-        pole = min(_lowest_pole(body, parameters, x, W, omega) for x in parameters.extreme_shapes)
+        pole = min(
+            _lowest_pole(body, parameters, x, W, omega)
+            for x in parameters.corners(parameters.shapes)
+        )
         if cutoff is not None or softening * pole >= ALMOST * POLES:
             break
         least *= POLES / (softening * pole)
@@ -343,16 +344,12 @@ def _modes_below(
     centre, sigma = parameters.centre, SIGMA * omega**2
     K, M = body.stiffness(centre), body.mass(centre)
     # One factor at a time.
-    expected, limit = count_below(K, M, (cutoff * omega) ** 2)
+    counted = count_below(K, M, (cutoff * omega) ** 2)
     factor = Factor((K + sigma * M).tocsr(), "brake_modes_")
     if factor.negative_pivots:
         factor.destroy()
         raise InaccurateResult("the stiffness of a body is not positive definite")
-    found = lowest_modes(factor, M, limit + sigma)
-    factor.destroy()
-    if found.Lambda.size != expected:
-        raise InaccurateResult(
-            f"a body has {expected} modes below {np.sqrt(limit) / 2 / np.pi:.0f} Hz by inertia,"
-            f" {found.Lambda.size} were found"
-        )
-    return found.Phi, found.Lambda - sigma
+    try:
+        return modes_below(K, M, factor, -sigma, counted)
+    finally:
+        factor.destroy()

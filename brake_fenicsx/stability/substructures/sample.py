@@ -12,8 +12,7 @@ from ..eigensolvers.arnoldi import times
 from ..modes import Complex
 from .block_matrix import Chosen, assembled
 from .component import AtPoint, Placed
-from .contact_linearisation import ContactForces, ContactLinearisation
-from .contact_rows import Rows
+from .contact_rows import ContactForces, ContactLinearisation, Rows
 from .sample_problem import Quotient, SampleProblem
 
 Array = NDArray[np.float64]
@@ -24,6 +23,7 @@ class Sample(SampleProblem):
 
     Attributes:
         bodies: the bodies.
+        x: point of the box, shape (d,).
         views: each of them at the sample's point of the box.
         closed: closed contact elements.
         forces: J of the closed elements.
@@ -35,6 +35,7 @@ class Sample(SampleProblem):
     def __init__(
         self,
         bodies: Sequence[Placed],
+        x: Array,
         views: Sequence[AtPoint],
         contact: ContactLinearisation,
         w: Array,
@@ -45,6 +46,7 @@ class Sample(SampleProblem):
 
         Args:
             bodies: the bodies of the brake.
+            x: the sample's point of the box, shape (d,).
             views: each of them at the sample's point of the box.
             contact: what acts in its contact elements.
             w: areas of all elements [m^2].
@@ -55,7 +57,7 @@ class Sample(SampleProblem):
         if not closed.size:
             # One open element in place of none: its force is zero. There may be no element at all.
             closed = np.arange(min(1, w.size))
-        self.bodies, self.views = bodies, views
+        self.bodies, self.x, self.views = bodies, x, views
         self.closed: Chosen = Chosen.of(bodies, closed, w.size)
         self.forces = ContactForces.of(contact, w, closed, rows, omega)
         b = assembled(bodies, views, rows, self.closed)

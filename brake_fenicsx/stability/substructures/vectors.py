@@ -31,11 +31,11 @@ from brake_fenicsx.iteration import Steps, sizes
 from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
 from .block_matrix import Chosen, assembled
-from .complement import Complement
 from .component import Array, Component, Index, Placed
 from .contact_rows import Rows
 from .polynomials import Coefficients, applied
 from .sample import Sample
+from .seen_body import Complement
 
 # Steps at most for motions and for vectors, and the relative error at which they end.
 STEPS, SETTLED = 200, 1e-8
@@ -75,23 +75,6 @@ class Vectors:
     b: Complex
     y: Complex
     eta: Complex
-
-
-@dataclass(frozen=True, slots=True)
-class SampleModes:
-    """Some modes of a sample.
-
-    Attributes:
-        sample: its reduced problem.
-        x: its point of the box, shape (d,).
-        z: eigenvalues, in units of the model, shape (modes,).
-        a: coordinates of the kept modes, shape (kept modes, modes).
-    """
-
-    sample: Sample
-    x: NDArray[np.float64]
-    z: Complex
-    a: Complex
 
 
 def sharpened(sample: Sample, z: Complex, a: Complex, b: Complex) -> tuple[Vectors, Array]:
@@ -236,7 +219,11 @@ def motions_of_elements(
 
 
 def mode_displacements(
-    modes: Sequence[SampleModes], rows: Rows, left: bool, comm: MPI.Comm, aside: int = 0
+    modes: Sequence[tuple[Sample, Complex, Complex]],
+    rows: Rows,
+    left: bool,
+    comm: MPI.Comm,
+    aside: int = 0,
 ) -> list[tuple[Complex, Array]]:
     """Displacements W a + v of the bodies, v from their matrices at full order; collective.
 
@@ -244,7 +231,8 @@ def mode_displacements(
     share it, of the body and of its mirror images.
 
     Args:
-        modes: modes of some samples.
+        modes: of some samples the reduced problem, eigenvalues in units of the model, shape
+            (modes,), and coordinates of the kept modes, shape (kept modes, modes).
         rows: blocks of contact rows.
         left: whether these are left vectors, not conjugated.
         comm: processes that share the work.
@@ -254,38 +242,30 @@ def mode_displacements(
         Of each sample the displacements, shape (dofs, its modes), and their estimated relative
         errors, shape (its modes,): of the motions at the contact, or of v in the worst body.
     """
-    matrices: dict[tuple[Component, bytes], list[int]] = {}
-    for i, m in enumerate(modes):
-        for component in dict.fromkeys(body.component for body in m.sample.bodies):
-            point = m.x.tobytes() if component.body.changes else b""
-            matrices.setdefault((component, point), []).append(i)
+    matrices = _sharing([sample for sample, *_ in modes])
     keys = list(matrices)
 
     def work(j: int) -> list[tuple[int, Index, Complex, Array]]:
         component, users = keys[j][0], matrices[keys[j]]
         release_memory()
-        P = component.polynomial(modes[users[0]].x)
+        P = component.polynomial(modes[users[0]][0].x)
         P = [A.T.tocsr() for A in P] if left else P
         # All modes together: solves with few columns take as long as with one.
-        every = [(i, *b) for i in users for b in _driven(modes[i], component, rows, left)]
-        w = np.concatenate([rows.variable(modes[i].z) for i, *_ in every])
-        kept = np.hstack([a for *_, a, _, _ in every])
-        load = np.hstack([f for *_, f, _ in every])
-        errors = np.hstack([error for *_, error in every])
+        every = [(i, *b) for i in users for b in _driven(*modes[i], component, rows, left)]
+        numbers, bodies, kept, load, errors = zip(*every, strict=True)
+        w = np.concatenate([rows.variable(modes[i][1]) for i in numbers])
         complement = Complement(P[0], component.mass, component.W)
         try:
-            v, settled = _left_out(complement, P, w, kept, load)
+            v, settled = _left_out(complement, P, w, np.hstack(kept), np.hstack(load))
         finally:
             complement.factor.destroy()
-        ends = np.cumsum([b[2].shape[1] for b in every])[:-1]
-        parts = np.split(kept + v, ends, axis=1)
-        worst = np.split(np.maximum(errors, settled), ends)
-        return [
-            (i, body.dofs, body.signs[:, None] * u, error)
-            for (i, body, *_), u, error in zip(every, parts, worst, strict=True)
-        ]
+        ends = np.cumsum([a.shape[1] for a in kept])[:-1]
+        parts = np.split(np.hstack(kept) + v, ends, axis=1)
+        worst = np.split(np.maximum(np.hstack(errors), settled), ends)
+        found = zip(numbers, bodies, parts, worst, strict=True)
+        return [(i, body.dofs, body.signs[:, None] * u, error) for i, body, u, error in found]
 
-    shapes = [(sum(b.dofs.size for b in m.sample.bodies), m.z.size) for m in modes]
+    shapes = [(sum(b.dofs.size for b in sample.bodies), z.size) for sample, z, _ in modes]
     out: list[tuple[Complex, Array]] = [
         (np.zeros(shape, complex), np.zeros(shape[1])) for shape in shapes
     ]
@@ -296,24 +276,34 @@ def mode_displacements(
     return out
 
 
+def _sharing(samples: Sequence[Sample]) -> dict[tuple[Component, bytes], list[int]]:
+    """Bodies at points of the box that need a factor, and the numbers of the samples it serves."""
+    found: dict[tuple[Component, bytes], list[int]] = {}
+    for i, sample in enumerate(samples):
+        for component in dict.fromkeys(body.component for body in sample.bodies):
+            point = sample.x.tobytes() if component.body.changes else b""
+            found.setdefault((component, point), []).append(i)
+    return found
+
+
 def _driven(
-    m: SampleModes, component: Component, rows: Rows, left: bool
+    sample: Sample, z: Complex, a: Complex, component: Component, rows: Rows, left: bool
 ) -> Iterator[tuple[Placed, Complex, Complex, Array]]:
     """A body and its mirror images under the modes of a sample.
 
     What is kept, contact loads, and the relative errors of the motions at the contact.
     """
     if left:
-        (force, error), along = left_motions(m.sample, m.z, m.a), rows.followed
+        (force, error), along = left_motions(sample, z, a), rows.followed
     else:
-        y, error = right_motions(m.sample, m.z, m.a)
-        force, along = m.sample.forces(m.sample.gaps_and_rates(m.z, y)), rows.acting
-    interface = component.interface(m.x)
+        y, error = right_motions(sample, z, a)
+        force, along = sample.forces(sample.gaps_and_rates(z, y)), rows.acting
+    interface = component.interface(sample.x)
     I = sp.vstack([interface[name] for name in along]).tocsr()
-    for number, body in enumerate(m.sample.bodies):
+    for number, body in enumerate(sample.bodies):
         if body.component is component:
-            acting, there = m.sample.closed.rows(number, len(along), body.elements.size)
-            kept = times(component.W, m.a[body.modes])
+            acting, there = sample.closed.rows(number, len(along), body.elements.size)
+            kept = times(component.W, a[body.modes])
             yield body, kept, times(I[acting].T.tocsr(), force[there]), error
 
 

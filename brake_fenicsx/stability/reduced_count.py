@@ -1,4 +1,4 @@
-"""How many modes a large damped problem has in its band, counted without its eigensolver.
+"""How many modes a large problem with friction or damping has, counted without its eigensolver.
 
 The whole brake without friction, its contact springs included, is one substructure whose modes an
 inertia count proves complete; damping couples them with what they leave out, and friction, of low
@@ -7,17 +7,19 @@ rank, enters as the forces of a contact. The zeros of its T(z) are the eigenvalu
 
 from __future__ import annotations
 
+from mpi4py import MPI
+
 import numpy as np
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
 
-from .eigensolvers.argument_principle import damped_region
+from .eigensolvers.argument_principle import counted_region
 from .eigensolvers.symmetric import SHIFT, count_below
 from .full.eigenproblem import SplitProblem
-from .modes import Complex, Counting
-from .substructures.contact_linearisation import ContactLinearisation
-from .substructures.reduced_model import ReducedModel
+from .modes import Complex, Count
+from .substructures.contact_rows import ContactLinearisation
+from .substructures.offline import reduce_bodies
 from .substructures.substructure import Substructure
 
 # The count needs the number of zeros, not their digits.
@@ -25,16 +27,23 @@ TOLERANCE = 1e-3
 
 
 def counted(
-    p: SplitProblem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: float
-) -> Counting:
-    """Compare the modes found with the zeros of T around the band.
+    p: SplitProblem,
+    C: sp.csr_matrix | None,
+    s: Complex,
+    high: float,
+    zeta_max: float,
+    comm: MPI.Comm = MPI.COMM_SELF,
+) -> Count:
+    """Compare the modes found with the zeros of T around the band; collective.
 
     Args:
         p: the problem without damping.
-        C: damping [N s/m].
-        s: eigenvalues found, with conjugates, up to a little beyond the region [1/s].
+        C: damping [N s/m]; None where there is none.
+        s: eigenvalues found, up to a little beyond the region [1/s]: with conjugates, or without
+            damping sqrt(-kappa) of every kappa.
         high: upper end of the band [rad/s].
         zeta_max: the region holds the modes of the band up to this damping ratio.
+        comm: processes that share the work.
 
     Returns:
         How they were counted, or why not.
@@ -44,7 +53,7 @@ def counted(
     """
     if not (p.symmetric or p.friction is not None):
         return p.not_low_rank
-    dofs = np.arange(C.shape[0])
+    dofs = np.arange(p.K.shape[0])
     none = sp.csr_matrix((0, dofs.size))
     left, right = (none, none) if p.friction is None else (p.friction.left, p.friction.right)
     elements = np.arange(right.shape[0])
@@ -54,16 +63,16 @@ def counted(
     one = np.ones(elements.size)
     # Friction left' right with springs of 1 N/m, and nothing along the gaps.
     contact = ContactLinearisation(0 * one, one, 0 * one, 0 * one)
+    band = 0.0, high / 2 / np.pi
     try:
-        model = ReducedModel.offline([body], one, (0.0, high / 2 / np.pi), tolerance=TOLERANCE)
+        zeros = reduce_bodies([body], one, band, tolerance=TOLERANCE, comm=comm).zeros([], contact)
     except InaccurateResult as error:
         if count_below(p.frictionless, p.M, -SHIFT * high**2)[0] > 0:
             return p.indefinite
-        return Counting("not counted", f"{error}; lower the end of the band")
-    zeros = model.zeros([], contact)
+        return Count("not counted", f"{error}; lower the end of the band")
     wide = zeta_max / np.sqrt(1 - zeta_max**2)
-    region = damped_region(np.r_[s, zeros], high, wide)
+    region = counted_region(np.r_[s, zeros], high, wide)
     found, expected = int(region.holds(s).sum()), int(region.holds(zeros).sum())
     if found != expected:
-        raise InaccurateResult(f"damped modes: {found} found, the reduced problem has {expected}")
-    return Counting("proven", "zeros of T(z) of the frictionless modes, complete by inertia")
+        raise InaccurateResult(f"{found} modes found, the reduced problem has {expected}")
+    return Count("proven", "inertia without friction, zeros of the T(z) of its modes")
