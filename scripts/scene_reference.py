@@ -18,7 +18,7 @@ from typing import Any
 
 from brake_fenicsx.scene import BUILDERS, STAGES, scene_type
 from brake_fenicsx.scene.keys import keys_of, kind_text, kinds_of, meanings, written_default
-from brake_fenicsx.scene.parts_section import FileKeys, PartKeys, builder_class
+from brake_fenicsx.scene.parts_section import Part, builder_class
 from brake_fenicsx.scene.units import DIMENSIONS
 
 OUT = Path(__file__).parents[1] / "docs" / "scene.md"
@@ -75,8 +75,8 @@ def sections(cls: Any, above: str = "") -> Iterator[Section]:
                 yield from sections(kind, f"{name}.")
 
 
-def table(cls: Any) -> str:
-    """Keys of a dataclass as a table: value and unit, default, choices, meaning.
+def table(cls: Any, *names: str) -> str:
+    """Keys of a dataclass, all or those of some names, as a table: value, default, meaning ...
 
     Raises:
         ValueError: a key without meaning in the dataclass's docstring.
@@ -84,6 +84,8 @@ def table(cls: Any) -> str:
     told = {name: text.replace("|", "\\|") for name, text in meanings(cls).items()}
     lines = ["| key | value | default | choices | meaning |", "| --- | --- | --- | --- | --- |"]
     for f, hint in keys_of(cls):
+        if names and f.name not in names:
+            continue
         if f.name not in told:
             raise ValueError(f"{cls.__name__}.{f.name}: say under Attributes what it means")
         choices = ", ".join(f"`{_toml(c)}`" for c in f.metadata.get("choices", ()))
@@ -127,8 +129,9 @@ def reference() -> str:
 
 def _parts() -> Iterator[str]:
     """What all parts share, then the parameters of each builder."""
-    yield f"## [parts.NAME]\n\n{table(PartKeys)}"
-    yield f"### without a builder\n\nA part from the mesh file.\n\n{table(FileKeys)}"
+    yield f"## [parts.NAME]\n\n{table(Part, 'material', 'builder', 'axis')}"
+    of_file = table(Part, "layers", "morph")
+    yield f"### without a builder\n\nA part from the mesh file.\n\n{of_file}"
     for name in BUILDERS:
         cls = builder_class(name)
         note = _plain(

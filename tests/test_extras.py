@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 import pytest
 
-from brake_fenicsx.folder.extras import spared
+from brake_fenicsx.folder.log import spared
 from brake_fenicsx.pipeline import run
 from coarse_block import BLOCK, ROUGH
 from run_tables import read_columns

@@ -15,8 +15,7 @@ from brake_fenicsx.checks import check
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.digest import result_digest
-from brake_fenicsx.scene.in_effect import in_effect
+from brake_fenicsx.scene.digest import in_effect, result_digest
 from brake_fenicsx.scene.units import to_si
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
@@ -168,7 +167,7 @@ MISTAKES = [
     ("contact.block_plate.law=libary", "contact.block_plate.law = 'libary'", '"library", { linear'),
     ("contact.block_plate.friction=true", "friction = True", "number or table"),
     ("contact.block_plate.faces=[1, 2]", "faces = [1, 2]", "write text"),
-    ('supports."block.top"=[["x"]]', 'supports."block.top" = [[', '"clamped" or a list'),
+    ('supports."block.top"=[["x"]]', 'supports."block.top" = [[', "use one of x, y, z"),
     ("materials.iron.E={}", "materials.iron.E = {}", "modulus"),
     ("micro={ patch='msh' }", "micro.patch = 'msh'", 'write "mesh" or length'),
     ("stages=['equilbrium']", "stages = ['equilbrium']", "did you mean 'equilibrium'?"),

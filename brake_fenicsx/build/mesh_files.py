@@ -13,7 +13,7 @@ from brake_fenicsx.macro.morphing import EVEN
 from brake_fenicsx.meshing.groups import GroupedFile, mesh_of_file
 from brake_fenicsx.meshing.rawmesh import RawMesh
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.mesh_section import MeshTable
+from brake_fenicsx.scene.parts_section import MeshTable
 from brake_fenicsx.scene.units import to_si
 
 Array = NDArray[np.float64]

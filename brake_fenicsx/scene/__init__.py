@@ -1,8 +1,7 @@
 """The scene: reading, checking, and what it comes to in SI units."""
 
 from brake_fenicsx.scene.contact_section import ContactTable, Friction, LawTable
-from brake_fenicsx.scene.mesh_section import MeshTable
-from brake_fenicsx.scene.parts_section import BUILDERS, MaterialTable, Part
+from brake_fenicsx.scene.parts_section import BUILDERS, MaterialTable, MeshTable, Part
 from brake_fenicsx.scene.read import read_scene
 from brake_fenicsx.scene.samples_section import Classical, Design, Distribution, Samples
 from brake_fenicsx.scene.scene import STAGES, Scene, scene_type

@@ -52,14 +52,10 @@ def faces_by_area(s: Scene, part: str) -> dict[str, str]:
     found = {f"contact.{n}.faces": c.faces for n, c in s.contact.items()}
     found |= {f"ties.{n}.faces": tie.faces for n, tie in s.ties.items()}
     found |= {f"springs.{n}": spring.faces or (n,) for n, spring in s.springs.items()}
-    found |= {f'loads."{face}"': (face,) for face in s.loads}
-    found |= {f'masses."{face}"': (face,) for face in s.masses}
-    return {
-        key: face
-        for key, faces in found.items()
-        for face in faces
-        if face.partition(".")[0] == part
-    }
+    found |= {dotted("loads", face): (face,) for face in s.loads}
+    found |= {dotted("masses", face): (face,) for face in s.masses}
+    all_faces = ((key, face) for key, faces in found.items() for face in faces)
+    return {key: face for key, face in all_faces if face.partition(".")[0] == part}
 
 
 def face_mistakes(s: Scene) -> Iterator[str]:
@@ -87,33 +83,32 @@ def face_mistakes(s: Scene) -> Iterator[str]:
 def _displacement(s: Scene, face: str, moved: dict[str, float]) -> Iterator[str]:
     """Directions that the face's support holds, of a part whose stiffness is that of the scene."""
     where, held = f'loads."{face}".displacement', s.supports.get(face, ())
-    if unknown := [c for c in moved if c not in DIRECTIONS]:
-        yield f"{where}: {unknown[0]!r}: unknown direction; write x, y or z"
+    for unknown in {*moved} - {*DIRECTIONS}:
+        yield f"{where}: {unknown!r}: unknown direction; write x, y or z"
     if not moved or any(c not in held for c in moved):
         yield f"""{where} = {moved!r}: moves directions that a support holds; write
             supports."{face}" = ["x", "y", "z"], or those of them that are meant"""
-    part = s.parts.get(face.partition(".")[0])
+    name = face.partition(".")[0]
+    part = s.parts.get(name)
     if part is None or part.matrices is not None:
         yield f"{where}: moves a face of a mesh; write a force on the set of nodes"
-    else:
-        for name in s.varied:
-            if name.split(".")[1] in (*part.materials, face.partition(".")[0]):
-                yield f"""{where}: the force of the displacement would change with {name}; leave
-                    that out, or write a force"""
+    for varied in s.varied if part else ():
+        if varied.split(".")[1] in (*part.materials, name):
+            yield f"""{where}: the force of the displacement would change with {varied}; leave that
+                out, or write a force"""
 
 
 def damping_mistakes(scene: Scene) -> Iterator[str]:
     """Terms that lack what they act on."""
-    table = scene.damping
-    if "stability" in scene.stages and not (table and table.loss):
-        for name in sorted(used_materials(scene)):
-            if loss := scene.materials[name].loss:
-                yield f"""{dotted("materials", name, "loss")} = {loss:g}: acts only with
-                    {WHERE}.loss = true; write it, with {WHERE}.omega_ref, or leave the loss factor
-                    out"""
+    table, used = scene.damping, sorted(used_materials(scene))
+    losses = {name: loss for name in used if (loss := scene.materials[name].loss)}
+    acts = bool(table and table.loss) or "stability" not in scene.stages
+    for name, loss in losses.items() if not acts else ():
+        yield f"""{dotted("materials", name, "loss")} = {loss:g}: acts only with {WHERE}.loss =
+            true; write it, with {WHERE}.omega_ref, or leave the loss factor out"""
     if table is None:
         return
-    if table.loss and not any(scene.materials[name].loss for name in used_materials(scene)):
+    if table.loss and not losses:
         yield f"{WHERE}.loss: no material of a part has a loss factor; write materials.NAME.loss"
     yield from _friction(scene, table)
     if table.gyroscopic:
@@ -151,7 +146,7 @@ def _turning(scene: Scene) -> Iterator[str]:
         yield f'{WHERE}.gyroscopic: needs a rotation; write motion.axis = "z" and motion.speed'
     elif not motion.rate:
         yield f"motion.speed = {motion.speed!r}: {WHERE}.gyroscopic needs a rotation"
-    for name in turning_parts(scene):
+    for name in turns:
         if name not in scene.parts:
             yield f"{WHERE}.gyroscopic: {_no_part(scene, name)}"
     joints = {f"ties.{name}": tie.faces for name, tie in scene.ties.items()}
@@ -165,9 +160,8 @@ def _turning(scene: Scene) -> Iterator[str]:
 
 def _modal(scene: Scene) -> Iterator[str]:
     """Ratios of modes of the parts, in an analysis that has such modes."""
-    stability = scene.stability
     wanted = {"method": "reduced", "verify": 0, "on_tolerance": "warn", "drivers": False}
     for name, value in wanted.items():
-        if getattr(stability, name) != value:
+        if getattr(scene.stability, name) != value:
             yield f"""{WHERE}.modal: ratios belong to the modes of the parts, which only the reduced
                 model has; write stability.{name} = {json.dumps(value)}, or name rayleigh or loss"""

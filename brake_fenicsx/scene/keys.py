@@ -20,18 +20,15 @@ from functools import cache, partial
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NotRequired, Required
 
-from annotated_types import Ge, Gt, Le
 from pydantic import (
     AfterValidator,
     BeforeValidator,
-    ConfigDict,
     Discriminator,
-    Strict,
     Tag,
     TypeAdapter,
     ValidationError,
     WithJsonSchema,
-)  # fmt: skip
+)
 from pydantic import Field as Key
 from typing_extensions import TypedDict
 
@@ -43,7 +40,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 # A number, then a unit; no comma, which is a decimal point to some and nothing to others.
 QUANTITY = {"anyOf": [{"type": "string", "pattern": r"^[^,]*\d[^,]*$"}, {"const": 0}]}
 ANY_UNIT = {"anyOf": [QUANTITY, {"type": "number"}]}
-SIGNS = {"positive": Gt(0), "zero": Ge(0), "any": None}
+SIGNS: Any = {"positive": {"gt": 0}, "zero": {"ge": 0}, "any": {}}
 # Whole numbers are no larger than the samples or steps that any computer gets through.
 MOST = 10**7
 # Sections of tables by names that a user chooses: an unknown one is a slip as a rule.
@@ -83,15 +80,16 @@ class UnknownKey(KeyMistake):
 
 
 def key(unit: str = "", default: Any = MISSING, **metadata: Any) -> Any:
-    """A field of a scene: unit, default, and of these as needed.
+    """A field of a scene: unit, default or the class of what is empty, and of these as needed.
 
     ``sign`` ("positive" if absent, "zero", "any"), ``choices``, ``most`` of a whole number,
     ``units`` of a list whose values differ, ``band`` of usual values, ``rule`` (what holds for the
-    value, and the remedy where it does not), ``internal`` for what no scene writes, ``write`` for
-    what to write in place of another type, ``type`` that gives pydantic's type where the hint does
-    not.
+    value, or for each value of a table, and the remedy where it does not), ``internal`` for what no
+    scene writes, ``write`` for what to write in place of another type, ``type`` that gives
+    pydantic's type where the hint does not.
     """
-    return field(default=default, metadata={"unit": unit, **metadata})
+    given: Any = {"default_factory" if isinstance(default, type) else "default": default}
+    return field(**given, metadata={"unit": unit, **metadata})
 
 
 def below(limit: float, remedy: str) -> tuple[Callable[[float], bool], str]:
@@ -146,7 +144,7 @@ def walk(
     """
     inside: list[tuple[str, Any, Any]] = []
     if isinstance(value, dict):
-        inside = [(str(name), inner, {}) for name, inner in value.items()]
+        inside = [(str(name), inner, about) for name, inner in value.items()]
     elif is_dataclass(value):
         inside = [(f.name, getattr(value, f.name), f.metadata) for f in fields(value)]
     for name, inner, its in inside:
@@ -163,11 +161,10 @@ def contradictions(table: Any) -> Iterator[str]:
             texts that continue their key.
     """
     for keys, about, value in walk(table):
-        if "rule" in about and value is not None:
+        if "rule" in about and value is not None and not isinstance(value, dict):
             (holds, remedy), unit = about["rule"], about["unit"]
             if not holds(value):
-                plain = [*value] if isinstance(value, tuple) else value
-                text = f"{value:g}" if isinstance(value, float) else shown(plain)
+                text = f"{value:g}" if isinstance(value, float) else shown(value)
                 yield f"{dotted(*keys)} = {text}{unit and ' '}{unit}: {remedy}"
         for text in getattr(value, "contradictions", tuple)():
             yield dotted(*keys) + text
@@ -201,8 +198,8 @@ def key_parts(name: str) -> list[str]:
 
 
 def shown(value: Any) -> str:
-    """A value as a message shows it."""
-    text = repr(value)
+    """A value as a message shows it: that of a list as it is written."""
+    text = repr([*value] if isinstance(value, tuple) else value)
     return text if len(text) <= 100 else f"{text[:97]}..."
 
 
@@ -250,22 +247,23 @@ def table_type(make: Callable[..., Any], *sources: Any, **more: Any) -> Any:
     Args:
         make: gets what the table holds by name.
         sources: the dataclasses.
-        more: types of single keys, which the table then must have; None: which it may not.
+        more: types of keys of the first one, which the table then must have; None: it may not.
     """
     held = {}
     for cls in sources:
         for f, hint in keys_of(cls):
-            kind = more[f.name] if f.name in more else value_type(hint, f.metadata)
+            asked = cls is sources[0] and f.name in more
+            kind = more[f.name] if asked else value_type(hint, f.metadata)
             if kind is None:
                 continue
             default = partial(_add_default, f=f)
             about = Key(description=meanings(cls).get(f.name), json_schema_extra=default)
-            needed = f.default is f.default_factory is MISSING or f.name in more
+            needed = f.default is f.default_factory is MISSING or asked
             wrapper = Required if needed else NotRequired
             held[f.name] = wrapper[Annotated[kind, about]]
     named: Any = TypedDict
     table = named(sources[-1].__name__, held)
-    table.__pydantic_config__ = ConfigDict(extra="forbid")
+    table.__pydantic_config__ = {"extra": "forbid"}
     known = BeforeValidator(partial(_known, names=tuple(held)))
     return Annotated[table, known, AfterValidator(lambda values: make(**values))]
 
@@ -298,11 +296,11 @@ def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
         return Annotated[Literal[choices], BeforeValidator(partial(_one_of, choices=choices))]
     sign = SIGNS[about.get("sign", "positive")]
     if kind is float:
-        number: Any = Annotated[float, sign, BeforeValidator(partial(to_si, unit=unit))]
+        number: Any = Annotated[float, Key(**sign), BeforeValidator(partial(to_si, unit=unit))]
         schema = {"": None, "*": ANY_UNIT}.get(unit, QUANTITY)
         return Annotated[number, WithJsonSchema(schema)] if schema else number
-    strict: Any = Annotated[kind, Strict()]
-    return Annotated[strict, sign, Le(about.get("most", MOST))] if kind is int else strict
+    limits = {**sign, "le": about.get("most", MOST)} if kind is int else {}
+    return Annotated[kind, Key(strict=True, **limits)]
 
 
 def written_default(f: Field) -> Any:

@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extensions, own_class
-from brake_fenicsx.scene.extensions_section import ExtensionsTable
 from brake_fenicsx.scene.keys import dotted, read_table, shown
 from brake_fenicsx.scene.scalars import check_scalar
-from brake_fenicsx.scene.scene import Scene
+from brake_fenicsx.scene.scene import ExtensionsTable, Scene
 from brake_fenicsx.scene.stability_section import Damping
 
 # What objects of each kind must do.
 METHODS = {
-    "contact": ("pressure", "stiffness", "vibration"), "friction": ("coefficient",),
-    "damping": ("matrix",), "random": ("quantile",),
-}  # fmt: skip
+    "contact": ("pressure", "stiffness", "vibration"),
+    "friction": ("coefficient",),
+    "damping": ("matrix",),
+    "random": ("quantile",),
+}
 
 
 @dataclass(frozen=True, slots=True)
 class _Alone:
-    extensions: ExtensionsTable = field(default_factory=ExtensionsTable)
+    extensions: ExtensionsTable
 
 
 def own_objects(table: Mapping[str, Any], folder: Path) -> tuple[Extensions, dict[str, Any]]:
@@ -73,18 +74,16 @@ def with_objects(scene: Scene, own: Extensions) -> Scene:
         for one in given.values() if isinstance(given, Mapping) else given:
             for method in methods:
                 if not callable(getattr(one, method, None)):
-                    raise SceneError(
-                        f"{at}: an object of the type {type(one).__name__} has no method"
-                        f" {method!r}; see brake_fenicsx.extensions"
-                    )
-    contact: dict[str, Any] = dict(scene.contact)
-    laws = [("law", *pair) for pair in own.contact.items()]
-    for key_, name, law in [*laws, *(("friction", *pair) for pair in own.friction.items())]:
-        if name not in contact:
-            raise SceneError(
-                f"{at}: there is no interface {name!r}; there are {', '.join(contact)}"
-            )
-        contact[name] = replace(contact[name], **{key_: law})
+                    raise SceneError(f"""{at}: an object of the type {type(one).__name__} has no
+                        method {method!r}; see brake_fenicsx.extensions""")
+    contact = dict(scene.contact)
+    for key, laws in (("law", own.contact), ("friction", own.friction)):
+        for name, law in laws.items():
+            if name not in contact:
+                raise SceneError(f"""{at}: there is no interface {name!r}; there are
+                    {", ".join(contact)}""")
+            table: Any = {key: law}
+            contact[name] = replace(contact[name], **table)
     stability = scene.stability
     if own.damping:
         if stability is None:

@@ -16,6 +16,7 @@ from brake_fenicsx.arguments import of_kind
 from brake_fenicsx.endings import MESH_FILES
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import load, named
+from brake_fenicsx.scene.bodies_section import DIRECTIONS
 from brake_fenicsx.scene.contact_section import with_table
 from brake_fenicsx.scene.keys import contradictions, dotted, key_parts, read_table, shown
 from brake_fenicsx.scene.objects import own_objects, with_objects
@@ -131,8 +132,9 @@ def _scene(path: Path, table: dict[str, Any]) -> Scene:
     roughness = any(c.law == "library" or c.gap != "none" for c in scene.contact.values())
     random = {n: complete(d, n, path.parent) for n, d in scene.samples.random.items()}
     contact = {n: with_table(c, n, path.parent) for n, c in scene.contact.items()}
+    supports = {f: DIRECTIONS if h == "clamped" else h for f, h in scene.supports.items()}
     scene = replace(
-        scene, contact=contact, file=path, table=table, own=own,
+        scene, contact=contact, supports=supports, file=path, table=table, own=own,
         stages=tuple(s for s in STAGES if s in scene.stages),
         samples=replace(scene.samples, random=random, roughness=roughness),
     )  # fmt: skip
