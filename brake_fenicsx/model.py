@@ -28,8 +28,7 @@ from brake_fenicsx.pipeline import before_samples, make_study
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.keys import KeyMistake
-from brake_fenicsx.scene.objects import with_objects
-from brake_fenicsx.scene.read import from_text, scene_text, toml_text
+from brake_fenicsx.scene.read import from_text, scene_text, toml_text, with_objects
 from brake_fenicsx.scene.samples_section import Range, Sweep, unit_of
 from brake_fenicsx.scene.scalars import check_scalar, si_unit
 from brake_fenicsx.stages import Run

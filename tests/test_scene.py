@@ -138,7 +138,11 @@ MISTAKES = [
     ("materials.iron.E=stiff", "not a quantity", "pressure or modulus"),
     ("materials.iron.E=GPa", "not a quantity", "pressure or modulus"),
     ("stability.threshold=-0.01", "zero or more", "damping below -0.01"),
-    ("stability.damping.modal={ ratio=0.02 }", "'ratio' is no part", "PART one of block, plate"),
+    (
+        "stability.damping.modal={ ratio=0.02 }",
+        "ratio = 0.02: write a table",
+        "belongs to [stability.damping.modal.NAME]",
+    ),
     ("micro={ hardness='1 Pa' }", "micro.hardness = 1 Pa", "correct the unit"),
     # A value in the place of a table, and the other way round.
     ("parts=[]", "parts = []", "write a table"),

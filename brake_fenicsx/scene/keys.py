@@ -241,6 +241,28 @@ def keys_of(cls: Any) -> Iterable[tuple[Field, Any]]:
     return [(f, hints[f.name]) for f in fields(cls) if not f.metadata.get("internal")]
 
 
+def tables(cls: Any, above: str = "") -> Iterator[tuple[str, Any]]:
+    """Tables below a dataclass in the order of its keys, each before its own.
+
+    Args:
+        cls: the dataclass.
+        above: how their names begin.
+
+    Yields:
+        The table as a scene has it, "[ties.NAME]" where the user names it, and the dataclass.
+    """
+    for f, hint in keys_of(cls):
+        for kind in kinds_of(hint):
+            name, inner = f"{above}{f.name}", typing.get_args(kind)
+            if typing.get_origin(kind) is dict:
+                kind, name = inner[1], f"{name}.NAME"
+            elif typing.get_origin(kind) is tuple:
+                kind, name = inner[0], f"[{name}]"
+            if is_dataclass(kind):
+                yield f"[{name}]", kind
+                yield from tables(kind, f"{name}.")
+
+
 def table_type(make: Callable[..., Any], *sources: Any, **more: Any) -> Any:
     """Type of a table with the keys of some dataclasses: what pydantic reads.
 
@@ -340,15 +362,14 @@ def _hint(name: str, names: tuple[str, ...], root: Any) -> str:
     """What an unknown key may stand for: a key that is gone, of another section, or like it."""
     if name in GONE:
         return f"; version 0.2 had it: {GONE[name]}"
-    homes = [
-        f"[{f.name}.NAME]" if typing.get_origin(hint) is dict else f"[{f.name}]"
-        for f, hint in keys_of(root)
-        for cls in (hint, *typing.get_args(hint))
-        if is_dataclass(cls) and name in cls.__dataclass_fields__
-    ]
-    if homes:
+    if homes := _homes(name, root):
         return f"; {name} belongs to {' or '.join(homes)}"
     return _similar(name, names) or f"; known: {', '.join(sorted(names))}"
+
+
+def _homes(name: str, root: Any) -> list[str]:
+    """Tables that have a key of this name."""
+    return [t for t, cls in tables(root) if any(f.name == name for f, _ in keys_of(cls))]
 
 
 def _one_of(value: Any, choices: tuple[Any, ...]) -> Any:
@@ -392,6 +413,9 @@ def _line(error: Any, table: Any, root: Any) -> str:
     keys = [k for k in error["loc"] if isinstance(k, str) and not re.fullmatch(r"\(.*\)", k)]
     keys += getattr(cause, "keys", ())
     text = str(cause) if cause else TEXTS.get(error["type"], error["msg"])
+    home = f"[{'.'.join([*keys[:-1], 'NAME'])}]"
+    if error["type"] == "dict_type" and home in _homes(keys[-1], root):
+        text += f"; {keys[-1]} belongs to {home}"
     if isinstance(cause, UnknownKey):
         text = absent(keys[-1]) or text + _hint(keys[-1], cause.names, root)
     if error["type"] == "less_than_equal":
