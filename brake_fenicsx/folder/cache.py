@@ -75,10 +75,8 @@ class SharedCache:
             try:
                 _link(own, there)
             except StorageError as error:
-                why = error.__cause__
-                logger.warning(
-                    "%s: cannot be written (%s); the run continues without it", there, why
-                )
+                text = "%s: cannot be written (%s); the run continues without it"
+                logger.warning(text, there, error.__cause__)
 
 
 def _link(source: Path, target: Path) -> None:

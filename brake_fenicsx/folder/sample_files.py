@@ -155,10 +155,8 @@ class SampleFiles:
             yield archive
 
     def _foreign(self, name: str) -> SceneError:
-        return SceneError(
-            f"{self._files.path(FOLDER, name)}: does not belong to the scene of this folder; remove"
-            " this file, and the same command computes it again"
-        )
+        return SceneError(f"""{self._files.path(FOLDER, name)}: does not belong to the scene of this
+            folder; remove this file, and the same command computes it again""")
 
     def _pack(self, block: Sequence[Task]) -> None:
         """Copy the files of a block into its archive, and remove them."""

@@ -166,8 +166,7 @@ def open_folder(store: Store, scene: str, from_stage: str | None, comm: MPI.Comm
     """
 
     def work() -> None:
-        store.lock = lock = Lock(store.path(RUNNING))
-        _take(store, lock, FOLDER, f"{SHARE}-*")
+        _take(store, FOLDER, f"{SHARE}-*")
         # Another run may have been quicker with another scene.
         store.check(store.digest)
         store.open(scene, from_stage)
@@ -195,14 +194,14 @@ def enter_prepared(store: Store, wanted: Sequence[str], command: str, comm: MPI.
             raise SceneError(f"""-o {store.directory}: not prepared for
                 {", ".join(sorted(missing))}; {command}, with the same changes, makes what all
                 shares need""")
-        store.lock = lock = Lock(store.path(RUNNING))
-        _take(store, lock, f"{SHARE}-{store.share}".replace(" ", "-"), FOLDER)
+        _take(store, f"{SHARE}-{store.share}".replace(" ", "-"), FOLDER)
 
     _on_first(work, store, comm)
 
 
-def _take(store: Store, lock: Lock, claim: str, others: str) -> None:
+def _take(store: Store, claim: str, others: str) -> None:
     """Take the claim, where no other run has it or one of the others."""
+    store.lock = lock = Lock(store.path(RUNNING))
     while owner := lock.claim(claim) or lock.owner(others):
         if not lock.overdue(owner):
             break

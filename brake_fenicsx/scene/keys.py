@@ -294,14 +294,9 @@ def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
     """Type of a key's value as pydantic reads it, from the hint and the metadata of its field."""
     if "type" in about:
         return about["type"]()
-    kinds = kinds_of(hint)
-    unit = about.get("unit", "")
-    if len(kinds) > 1:
-        wanted = about.get("write") or " or ".join(kind_text(kind, unit) for kind in kinds)
-        tagged = [Annotated[value_type(k, about), Tag(f"({i})")] for i, k in enumerate(kinds)]
-        chosen = Discriminator(lambda v: _member(v, kinds, unit), "shape", f"write {wanted}")
-        return Annotated[typing.Union[tuple(tagged)], chosen]  # noqa: UP007
-    (kind,) = kinds
+    kind, *others = kinds_of(hint)
+    if others:
+        return _union((kind, *others), about)
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     if isinstance(kind, type) and is_dataclass(kind):
         return _table(kind)
@@ -316,13 +311,22 @@ def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
     choices = inner if origin is Literal else about.get("choices")
     if choices:
         return Annotated[Literal[choices], BeforeValidator(partial(_one_of, choices=choices))]
-    sign = SIGNS[about.get("sign", "positive")]
+    unit, sign = about.get("unit", ""), SIGNS[about.get("sign", "positive")]
     if kind is float:
         number: Any = Annotated[float, Key(**sign), BeforeValidator(partial(to_si, unit=unit))]
         schema = {"": None, "*": ANY_UNIT}.get(unit, QUANTITY)
         return Annotated[number, WithJsonSchema(schema)] if schema else number
     limits = {**sign, "le": about.get("most", MOST)} if kind is int else {}
     return Annotated[kind, Key(strict=True, **limits)]
+
+
+def _union(kinds: tuple[Any, ...], about: Mapping[str, Any]) -> Any:
+    """Type of a value of one of several kinds, chosen by its shape."""
+    unit = about.get("unit", "")
+    wanted = about.get("write") or " or ".join(kind_text(kind, unit) for kind in kinds)
+    tagged = [Annotated[value_type(k, about), Tag(f"({i})")] for i, k in enumerate(kinds)]
+    chosen = Discriminator(lambda v: _member(v, kinds, unit), "shape", f"write {wanted}")
+    return Annotated[typing.Union[tuple(tagged)], chosen]  # noqa: UP007
 
 
 def written_default(f: Field) -> Any:
@@ -413,22 +417,29 @@ def _line(error: Any, table: Any, root: Any) -> str:
     keys = [k for k in error["loc"] if isinstance(k, str) and not re.fullmatch(r"\(.*\)", k)]
     keys += getattr(cause, "keys", ())
     text = str(cause) if cause else TEXTS.get(error["type"], error["msg"])
-    home = f"[{'.'.join([*keys[:-1], 'NAME'])}]"
-    if error["type"] == "dict_type" and home in _homes(keys[-1], root):
-        text += f"; {keys[-1]} belongs to {home}"
+    text += _remedy(error, keys, table, root)
     if isinstance(cause, UnknownKey):
         text = absent(keys[-1]) or text + _hint(keys[-1], cause.names, root)
-    if error["type"] == "less_than_equal":
-        text += f", {error['ctx']['le']} at most"
-    if keys == ["stability", "threshold"] and error["type"] == "greater_than_equal":
-        text += "; 0.01 counts modes with a damping below -0.01"
-    others = [n for n in table.get(keys[0], ()) if n != keys[1]] if len(keys) == 3 else []
+    value = table
     for name in keys:
-        if not isinstance(table, dict) or name not in table:
-            if error["type"] == "missing" and others and keys[0] in NAMED:
-                text += f" ({keys[0]} there are beside {keys[1]}: {', '.join(others)})"
+        if not isinstance(value, dict) or name not in value:
             return f"{dotted(*keys)}: {text}"
-        table = table[name]
-    if isinstance(table, str) and re.fullmatch(r"[+-]?\d+,\d+", table):
-        text += f"; decimals have a point, {table.replace(',', '.')}"
-    return f"{dotted(*keys)} = {shown(table)}: {text}"
+        value = value[name]
+    if isinstance(value, str) and re.fullmatch(r"[+-]?\d+,\d+", value):
+        text += f"; decimals have a point, {value.replace(',', '.')}"
+    return f"{dotted(*keys)} = {shown(value)}: {text}"
+
+
+def _remedy(error: Any, keys: list[str], table: Any, root: Any) -> str:
+    """What some kinds of mistakes are, as a rule, and how they are put right."""
+    kind, named = error["type"], f"[{'.'.join([*keys[:-1], 'NAME'])}]"
+    if kind == "dict_type" and named in _homes(keys[-1], root):
+        return f"; {keys[-1]} belongs to {named}"
+    if kind == "less_than_equal":
+        return f", {error['ctx']['le']} at most"
+    if kind == "greater_than_equal" and keys == ["stability", "threshold"]:
+        return "; 0.01 counts modes with a damping below -0.01"
+    if kind == "missing" and len(keys) == 3 and keys[0] in NAMED:
+        others = ", ".join(name for name in table[keys[0]] if name != keys[1])
+        return f" ({keys[0]} there are beside {keys[1]}: {others})" if others else ""
+    return ""

@@ -71,12 +71,7 @@ def _stages(s: Scene) -> Iterator[str]:
 def _surface(s: Scene) -> Iterator[str]:
     """Files that are not there or count twice, and what gaps ask of the surface."""
     surface = s.surface
-    if surface is None:
-        return
-    if surface.S_q == "scan" and any(c.gap == "waviness" for c in s.contact.values()):
-        yield """surface.S_q = "scan": gap = "waviness" shares the variance of the spectrum; write
-            surface.S_q = "spectrum", or gap = "hdf" """
-    if "surface" not in s.stages:
+    if surface is None or "surface" not in s.stages:
         return
     scan, files = surface.scan, surface.scans
     if scan == ():
@@ -102,6 +97,9 @@ def _contact(s: Scene) -> Iterator[str]:
             yield f'{where}.law = "library": needs the stages surface and micro'
         if contact.gap != "none" and "surface" not in s.stages:
             yield f'{where}.gap = "{contact.gap}": needs the stage surface'
+        if contact.gap == "waviness" and s.surface and s.surface.S_q == "scan":
+            yield """surface.S_q = "scan": gap = "waviness" shares the variance of the spectrum;
+                write surface.S_q = "spectrum", or gap = "hdf" """
         if contact.gap == "waviness" and s.micro is None:
             yield f"""{where}.gap = "waviness": needs micro.patch, the length from which waves are
                 longer"""
