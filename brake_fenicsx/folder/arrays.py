@@ -22,8 +22,9 @@ from typing import IO, Any
 import numpy as np
 
 from brake_fenicsx.errors import BrakeError, SceneError
-from brake_fenicsx.folder.log import short_line
-from brake_fenicsx.folder.memory import mapped_files
+
+from .log import short_line
+from .memory import mapped_files
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 Source = Path | IO[bytes]

@@ -17,9 +17,10 @@ from typing import Any
 from mpi4py import MPI
 
 from brake_fenicsx.errors import SceneError, StorageError
-from brake_fenicsx.folder.files import digest, whole_file
-from brake_fenicsx.folder.log import logger
-from brake_fenicsx.folder.store import Store
+
+from .files import digest, whole_file
+from .log import logger
+from .store import Store
 
 
 class SharedCache:

@@ -17,8 +17,9 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from brake_fenicsx.errors import StorageError
-from brake_fenicsx.folder.arrays import check_mapped, npy, read_npz, reading
-from brake_fenicsx.folder.lock import has_ended, process_name
+
+from .arrays import check_mapped, npy, read_npz, reading
+from .lock import has_ended, process_name
 
 # End of the names of files that are being written, and when one of another machine is left [s].
 PART, OLD = ".part", 86400.0

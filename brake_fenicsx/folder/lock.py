@@ -23,7 +23,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.log import logger
+
+from .log import logger
 
 T = TypeVar("T")
 # What SLURM, Grid Engine, LSF and PBS tell a task of a job array: its number, the lowest and the

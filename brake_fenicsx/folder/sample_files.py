@@ -22,8 +22,9 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.arrays import Arrays, mapped_member, read_npz
-from brake_fenicsx.folder.files import ResultFiles, damaged
+
+from .arrays import Arrays, mapped_member, read_npz
+from .files import ResultFiles, damaged
 
 Task = tuple[str, int]
 Tabulate = Callable[[Sequence[Task], Callable[[Task], Arrays | None]], Arrays | None]

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.lock import Lock, Share
-from brake_fenicsx.folder.log import time_text
-from brake_fenicsx.folder.sample_files import FOLDER, SampleFiles, Task
-from brake_fenicsx.folder.store import PREPARED, RUNNING, SHARE, Store
+
+from .lock import Lock, Share
+from .log import time_text
+from .sample_files import FOLDER, SampleFiles, Task
+from .store import PREPARED, RUNNING, SHARE, Store
 
 LATEST = 20  # files of samples whose times tell the present rate
 
@@ -103,7 +104,7 @@ def _workers(store: Store, tasks: list[Task], there: set[Task]) -> list[Worker]:
         share = Share(int(numbers[1]), int(numbers[2])) if numbers else None
         own = {*(share.part(tasks) if share else tasks)}
         of = len(own) if tasks else None
-        workers.append(Worker(name, share and str(share), len(own & there), of))
+        workers.append(Worker(name, str(share) if share else None, len(own & there), of))
     return workers
 
 

@@ -22,11 +22,12 @@ from typing import TypeVar
 from mpi4py import MPI
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.files import ResultFiles, emptied, remove_remains
-from brake_fenicsx.folder.lock import BEAT, Lock, Share
-from brake_fenicsx.folder.log import logger
-from brake_fenicsx.folder.processes import on_first
-from brake_fenicsx.folder.sample_files import SampleFiles
+
+from .files import ResultFiles, emptied, remove_remains
+from .lock import BEAT, Lock, Share
+from .log import logger
+from .processes import on_first
+from .sample_files import SampleFiles
 
 T = TypeVar("T")
 

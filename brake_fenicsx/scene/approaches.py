@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from brake_fenicsx.extensions import beside_samples
-from brake_fenicsx.scene.contact_section import Friction
-from brake_fenicsx.scene.scene import Scene
-from brake_fenicsx.scene.stability_section import TERMS
+
+from .contact_section import Friction
+from .scene import Scene
+from .stability_section import TERMS
 
 # Approaches of perfect contact.
 PERFECT = frozenset({"classical", "parametric"})

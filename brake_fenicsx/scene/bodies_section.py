@@ -7,11 +7,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from brake_fenicsx.scene.keys import key, shown, two_names, vector
-from brake_fenicsx.scene.units import to_si
+from .keys import key, shown, two_names, vector
+from .units import to_si
 
-DIRECTIONS = ("x", "y", "z")
 Axis = Literal["x", "y", "z"]
+DIRECTIONS: tuple[Axis, ...] = ("x", "y", "z")
 Held = Literal["clamped"] | tuple[Axis, ...]  # by a support
 HELD = '"clamped" or a list of "x", "y", "z"'
 TWO_FACES = (two_names, "write two faces")

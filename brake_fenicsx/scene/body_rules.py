@@ -5,19 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 
-from brake_fenicsx.scene.approaches import (
-    depends_on_speed,
-    one_friction,
-    rubs,
-    slides,
-    turning_parts,
-    used_materials,
-)
-from brake_fenicsx.scene.bodies_section import DIRECTIONS
-from brake_fenicsx.scene.keys import dotted
-from brake_fenicsx.scene.parts_section import BUILDERS, part_lengths
-from brake_fenicsx.scene.scene import Scene
-from brake_fenicsx.scene.stability_section import WHERE, Damping
+from .approaches import depends_on_speed, one_friction, rubs, slides, turning_parts, used_materials
+from .bodies_section import DIRECTIONS
+from .keys import dotted
+from .parts_section import BUILDERS, longest_length
+from .scene import Scene
+from .stability_section import WHERE, Damping
 
 # Finer sizes, which the number of cells that is looked at before meshing leaves out -> the least
 # share of the part's length: ten million facets of a face; a spot or a line may be finer.
@@ -33,7 +26,7 @@ def part_mistakes(s: Scene) -> Iterator[str]:
             yield f"""{where}.builder: missing; use one of {", ".join(BUILDERS)}, or name a
                 mesh.file"""
         if part.parameters is not None:
-            longest, length = max(part_lengths(part.parameters).items(), key=lambda item: item[1])
+            longest, length = longest_length(part.parameters)
             if not low <= length <= high:
                 yield f"""{where}.{longest} = {length:.3g} m: the longest length of the part, not
                     between {low:g} m and {high:g} m; correct the unit, or widen mesh.extent"""
@@ -83,7 +76,7 @@ def face_mistakes(s: Scene) -> Iterator[str]:
 def _displacement(s: Scene, face: str, moved: dict[str, float]) -> Iterator[str]:
     """Directions that the face's support holds, of a part whose stiffness is that of the scene."""
     where, held = f'loads."{face}".displacement', s.supports.get(face, ())
-    for unknown in {*moved} - {*DIRECTIONS}:
+    for unknown in (c for c in moved if c not in DIRECTIONS):
         yield f"{where}: {unknown!r}: unknown direction; write x, y or z"
     if not moved or any(c not in held for c in moved):
         yield f"""{where} = {moved!r}: moves directions that a support holds; write
@@ -92,7 +85,8 @@ def _displacement(s: Scene, face: str, moved: dict[str, float]) -> Iterator[str]
     part = s.parts.get(name)
     if part is None or part.matrices is not None:
         yield f"{where}: moves a face of a mesh; write a force on the set of nodes"
-    for varied in s.varied if part else ():
+        return
+    for varied in s.varied:
         if varied.split(".")[1] in (*part.materials, name):
             yield f"""{where}: the force of the displacement would change with {varied}; leave that
                 out, or write a force"""

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
-from brake_fenicsx.scene.keys import key, rising_pair, shown
-from brake_fenicsx.scene.units import factor_to_si, usual_unit, with_unit
+
+from .keys import key, rising_pair, shown
+from .units import factor_to_si, usual_unit, with_unit
 
 Array = NDArray[np.float64]
 

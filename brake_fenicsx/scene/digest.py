@@ -12,8 +12,9 @@ from typing import Any
 from brake_fenicsx import __version__
 from brake_fenicsx.extensions import beside_samples, extras
 from brake_fenicsx.folder.files import digest
-from brake_fenicsx.scene import LawTable, Samples, Scene
-from brake_fenicsx.scene.scalars import changes_bodies
+
+from . import LawTable, Samples, Scene
+from .scalars import changes_bodies
 
 # Format of laws and samples on disk: what older programs wrote is not read as current.
 FORMAT = 4

@@ -34,7 +34,8 @@ from typing_extensions import TypedDict
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import absent
-from brake_fenicsx.scene.units import DIMENSIONS, to_si, with_unit
+
+from .units import DIMENSIONS, to_si, with_unit
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 # A number, then a unit; no comma, which is a decimal point to some and nothing to others.

@@ -12,8 +12,8 @@ from typing import Annotated, Any, Literal, Union
 
 from pydantic import BeforeValidator, Discriminator, Tag
 
-from brake_fenicsx.scene.keys import KeyMistake, key, rising_pair, table_type, two_names, value_type
-from brake_fenicsx.scene.units import MODULI
+from .keys import KeyMistake, key, rising_pair, table_type, two_names, value_type
+from .units import MODULI
 
 # What a thickness and a displaced mesh of a part of the mesh file are called in it.
 FILE_LAYER, MORPH = "layers.", "morph."
@@ -293,15 +293,12 @@ def moved_sideways(part: Part, name: str) -> Callable[[Any], Any] | None:
     return lambda points: shape.sideways(table, name, points)
 
 
-def part_lengths(parameters: Any) -> dict[str, float]:
-    """Lengths among a builder's parameters [m], without sign; of a list the longest."""
-    lengths = (f.name for f in fields(parameters) if f.metadata.get("unit") == "m")
-    held = {name: getattr(parameters, name) for name in lengths}
-    return {
-        name: max(map(abs, value)) if isinstance(value, tuple) else abs(value)
-        for name, value in held.items()
-        if value not in (None, ())
-    }
+def longest_length(parameters: Any) -> tuple[str, float]:
+    """The longest length among a builder's parameters, without sign: its key, and it [m]."""
+    names = [f.name for f in fields(parameters) if f.metadata.get("unit") == "m"]
+    held = {name: value for name in names if (value := getattr(parameters, name)) not in (None, ())}
+    sizes = {n: max(map(abs, v)) if isinstance(v, tuple) else abs(v) for n, v in held.items()}
+    return max(sizes.items(), key=lambda item: item[1])
 
 
 def _part(cls: Any = None, material: Any = "", builder: Any = None, **keys: Any) -> Part:

@@ -16,14 +16,15 @@ from brake_fenicsx.arguments import of_kind
 from brake_fenicsx.endings import MESH_FILES
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extensions, load, named, own_class
-from brake_fenicsx.scene.bodies_section import DIRECTIONS
-from brake_fenicsx.scene.contact_section import with_table
-from brake_fenicsx.scene.keys import contradictions, dotted, key_parts, read_table, shown
-from brake_fenicsx.scene.rules import check_consistent
-from brake_fenicsx.scene.samples_section import complete
-from brake_fenicsx.scene.scalars import check_scalar
-from brake_fenicsx.scene.scene import STAGES, ExtensionsTable, Scene, scene_type
-from brake_fenicsx.scene.stability_section import Damping
+
+from .bodies_section import DIRECTIONS, Held
+from .contact_section import with_table
+from .keys import contradictions, dotted, key_parts, read_table, shown
+from .rules import check_consistent
+from .samples_section import complete
+from .scalars import check_scalar
+from .scene import STAGES, ExtensionsTable, Scene, scene_type
+from .stability_section import Damping
 
 MAPPING = "scene (mapping)"  # in place of the path of a file
 # What objects of each kind must do.
@@ -138,7 +139,8 @@ def _scene(path: Path, table: dict[str, Any]) -> Scene:
     roughness = any(c.law == "library" or c.gap != "none" for c in scene.contact.values())
     random = {n: complete(d, n, path.parent) for n, d in scene.samples.random.items()}
     contact = {n: with_table(c, n, path.parent) for n, c in scene.contact.items()}
-    supports = {f: DIRECTIONS if h == "clamped" else h for f, h in scene.supports.items()}
+    held = scene.supports.items()
+    supports: dict[str, Held] = {f: DIRECTIONS if h == "clamped" else h for f, h in held}
     scene = replace(
         scene, contact=contact, supports=supports, file=path, table=table, own=own,
         stages=tuple(s for s in STAGES if s in scene.stages),

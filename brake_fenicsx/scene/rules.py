@@ -7,18 +7,13 @@ from collections.abc import Iterator
 from itertools import combinations
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.approaches import rubs
-from brake_fenicsx.scene.body_rules import damping_mistakes, face_mistakes, part_mistakes
-from brake_fenicsx.scene.keys import dotted, shown
-from brake_fenicsx.scene.samples_section import (
-    APPROACHES,
-    NO_ROUGH_SAMPLES,
-    below_least,
-    is_constant,
-    split_key,
-)
-from brake_fenicsx.scene.scalars import check_scalar
-from brake_fenicsx.scene.scene import STAGES, Scene
+
+from .approaches import rubs
+from .body_rules import damping_mistakes, face_mistakes, part_mistakes
+from .keys import dotted, shown
+from .samples_section import APPROACHES, NO_ROUGH_SAMPLES, below_least, is_constant, split_key
+from .scalars import check_scalar
+from .scene import STAGES, Scene
 
 # Sections without which a stage has nothing to do, and stages that build on another one.
 SECTIONS = dict(surface="surface", micro="micro", equilibrium="contact", stability="stability")

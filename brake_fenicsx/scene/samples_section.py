@@ -20,8 +20,9 @@ from pydantic import BeforeValidator
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import npz_names, read_npz, reading
-from brake_fenicsx.scene.keys import KeyMistake, below, key, value_type
-from brake_fenicsx.scene.units import factor_to_si, to_si
+
+from .keys import KeyMistake, below, key, value_type
+from .units import factor_to_si, to_si
 
 APPROACHES = ("multi-scale", "classical", "parametric", "joint")
 ROUGH = ("multi-scale", "joint")  # of rough contact

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from typing import Any
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene import approaches
-from brake_fenicsx.scene import parts_section as parts
-from brake_fenicsx.scene.samples_section import (
+
+from . import approaches
+from . import parts_section as parts
+from .samples_section import (
     ENGINEERING,
     Distribution,
     Range,
@@ -17,8 +18,8 @@ from brake_fenicsx.scene.samples_section import (
     split_key,
     unit_of,
 )
-from brake_fenicsx.scene.scene import Scene
-from brake_fenicsx.scene.units import to_si
+from .scene import Scene
+from .units import to_si
 
 # Key of a scalar that belongs to no table of several.
 SPEED = "motion.speed"

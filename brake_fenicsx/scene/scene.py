@@ -16,13 +16,14 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.extensions import Extensions, extras, load
-from brake_fenicsx.scene.bodies_section import HELD, AddedMass, Held, Load, Motion, Spring, Tie
-from brake_fenicsx.scene.contact_section import ContactTable
-from brake_fenicsx.scene.keys import key
-from brake_fenicsx.scene.parts_section import MaterialTable, MeshTable, Part, parts_type
-from brake_fenicsx.scene.samples_section import Samples, Sweep
-from brake_fenicsx.scene.stability_section import Damping, EquilibriumTable, Stability
-from brake_fenicsx.scene.surface_section import Micro, Surface
+
+from .bodies_section import HELD, AddedMass, Held, Load, Motion, Spring, Tie
+from .contact_section import ContactTable
+from .keys import key
+from .parts_section import MaterialTable, MeshTable, Part, parts_type
+from .samples_section import Samples, Sweep
+from .stability_section import Damping, EquilibriumTable, Stability
+from .surface_section import Micro, Surface
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
 

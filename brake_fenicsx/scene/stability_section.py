@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
-from brake_fenicsx.scene.keys import below, between, key, rising_pair
-from brake_fenicsx.scene.units import to_si
+from .keys import below, between, key, rising_pair
+from .units import to_si
 
 # Least and largest tolerance of Newton's iterations [-].
 NEWTON = (1e-13, 1e-3)
