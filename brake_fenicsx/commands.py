@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -167,7 +167,7 @@ def status(options: Any, comm: Any) -> str:
     from brake_fenicsx.folder.status import read_status
 
     found = read_status(options.directory)
-    return json.dumps(found.facts(), indent=1) if options.json else found.text()
+    return json.dumps(asdict(found), indent=1) if options.json else found.text()
 
 
 COMMANDS = (check, run, prepare, schema, report, status)

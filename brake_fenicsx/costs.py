@@ -16,10 +16,12 @@ import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from math import comb
 from pathlib import Path
 from typing import Any
 
+from brake_fenicsx.folder.log import time_text
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import active_terms, reduced_approaches
 from brake_fenicsx.scene.scalars import changes_bodies
@@ -141,6 +143,7 @@ def calibrated_seconds(
     return {name: work / REFERENCE * s for name, s in seconds.items() if s and name in kept}
 
 
+@cache
 def work_of_a_second() -> float:
     """CPU seconds for products of matrices, transforms and a sparse factor, as a run has them."""
     import numpy as np
@@ -194,14 +197,3 @@ def stage_times(seconds: Mapping[str, float]) -> str:
     """Seconds of stages for a person: their sum, then each."""
     each = ", ".join(f"{stage} {time_text(value)}" for stage, value in seconds.items())
     return f"{time_text(sum(seconds.values()))} ({each})"
-
-
-def time_text(seconds: float) -> str:
-    """A time for a person."""
-    if seconds < 90:
-        return f"{seconds:.0f} s" if seconds >= 1 else "< 1 s"
-    if seconds < 5400:
-        return f"{seconds / 60:.0f} min"
-    if seconds < 2e5:
-        return f"{seconds / 3600:.1f} h"
-    return f"{seconds / 86400:.3g} days" if seconds < 3e7 else f"{seconds / 31557600:.3g} years"

@@ -22,18 +22,15 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.executor import Source, samples_elsewhere, samples_here
 from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.folder.cache import SharedCache
-from brake_fenicsx.folder.entry import check_folder
 from brake_fenicsx.folder.lock import Share
-from brake_fenicsx.folder.store import Store
+from brake_fenicsx.folder.store import Store, check_folder
 from brake_fenicsx.pipeline import before_samples, make_study
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.keys import KeyMistake
-from brake_fenicsx.scene.objects import with_objects
-from brake_fenicsx.scene.read import from_text, scene_text, toml_text
-from brake_fenicsx.scene.samples_section import unit_of
+from brake_fenicsx.scene.read import from_text, scene_text, toml_text, with_objects
+from brake_fenicsx.scene.samples_section import Range, Sweep, unit_of
 from brake_fenicsx.scene.scalars import check_scalar, si_unit
-from brake_fenicsx.scene.sweep_section import Range, Sweep
 from brake_fenicsx.stages import Run
 from brake_fenicsx.sweeps.followed import Branches
 

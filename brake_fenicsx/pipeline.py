@@ -31,17 +31,14 @@ from brake_fenicsx.costs import earlier_run
 from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.extensions import load, named
 from brake_fenicsx.folder.cache import SharedCache
-from brake_fenicsx.folder.entry import check_folder, enter_prepared, open_folder
-from brake_fenicsx.folder.extras import spared
 from brake_fenicsx.folder.lock import Share
-from brake_fenicsx.folder.log import logger, start_log
+from brake_fenicsx.folder.log import logger, spared, start_log
 from brake_fenicsx.folder.processes import in_turns, on_first
-from brake_fenicsx.folder.store import PREPARED, Store
+from brake_fenicsx.folder.store import PREPARED, Store, check_folder, enter_prepared, open_folder
 from brake_fenicsx.results.versions import differences, versions
 from brake_fenicsx.scene import STAGES, read_scene
 from brake_fenicsx.scene.approaches import friction_texts, listed
-from brake_fenicsx.scene.digest import result_digest
-from brake_fenicsx.scene.in_effect import in_effect
+from brake_fenicsx.scene.digest import in_effect, result_digest
 from brake_fenicsx.stages import Run, note_warnings
 
 if TYPE_CHECKING:

@@ -9,16 +9,22 @@ from __future__ import annotations
 import argparse
 import inspect
 import re
-import typing
 from collections.abc import Iterator
-from dataclasses import MISSING, Field, dataclass, is_dataclass
+from dataclasses import MISSING, Field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.scene import BUILDERS, STAGES, scene_type
-from brake_fenicsx.scene.keys import keys_of, kind_text, kinds_of, meanings, written_default
-from brake_fenicsx.scene.parts_section import FileKeys, PartKeys, builder_class
+from brake_fenicsx.scene.keys import (
+    keys_of,
+    kind_text,
+    kinds_of,
+    meanings,
+    tables,
+    written_default,
+)
+from brake_fenicsx.scene.parts_section import Part, builder_class
 from brake_fenicsx.scene.units import DIMENSIONS
 
 OUT = Path(__file__).parents[1] / "docs" / "scene.md"
@@ -53,30 +59,8 @@ SUPPORTS = """\
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Section:
-    """One table of the scene: its name as written, and the dataclass that reads it."""
-
-    name: str
-    cls: Any
-
-
-def sections(cls: Any, above: str = "") -> Iterator[Section]:
-    """Tables below a dataclass, in the order of its fields, each followed by its own."""
-    for f, hint in keys_of(cls):
-        for kind in kinds_of(hint):
-            name = f"{above}{f.name}"
-            if typing.get_origin(kind) is dict:
-                kind, name = typing.get_args(kind)[1], f"{name}.NAME"
-            elif typing.get_origin(kind) is tuple:
-                kind, name = typing.get_args(kind)[0], f"[{name}]"
-            if is_dataclass(kind) and kind.__module__.startswith("brake_fenicsx."):
-                yield Section(name, kind)
-                yield from sections(kind, f"{name}.")
-
-
-def table(cls: Any) -> str:
-    """Keys of a dataclass as a table: value and unit, default, choices, meaning.
+def table(cls: Any, *names: str) -> str:
+    """Keys of a dataclass, all or those of some names, as a table: value, default, meaning ...
 
     Raises:
         ValueError: a key without meaning in the dataclass's docstring.
@@ -84,6 +68,8 @@ def table(cls: Any) -> str:
     told = {name: text.replace("|", "\\|") for name, text in meanings(cls).items()}
     lines = ["| key | value | default | choices | meaning |", "| --- | --- | --- | --- | --- |"]
     for f, hint in keys_of(cls):
+        if names and f.name not in names:
+            continue
         if f.name not in told:
             raise ValueError(f"{cls.__name__}.{f.name}: say under Attributes what it means")
         choices = ", ".join(f"`{_toml(c)}`" for c in f.metadata.get("choices", ()))
@@ -114,21 +100,23 @@ def default_text(f: Field) -> str:
 def reference() -> str:
     """The whole page."""
     parts = [HEAD, STAGES_TEXT.format(stages=", ".join(f"`{s}`" for s in STAGES))]
-    for section in sections(scene_type()):
-        if section.name == "parts.NAME":
+    for name, cls in tables(scene_type()):
+        if not cls.__module__.startswith("brake_fenicsx."):
+            continue
+        if name == "[parts.NAME]":
             parts += _parts()
             continue
-        if section.name == "springs.NAME":
+        if name == "[springs.NAME]":
             parts.append(SUPPORTS)
-        title, note = _title(section)
-        parts.append(f"## [{title}]\n\n{note}{table(section.cls)}")
+        parts.append(f"## {_title(name)}\n\n{_note(cls)}{table(cls)}")
     return "\n".join(parts)
 
 
 def _parts() -> Iterator[str]:
     """What all parts share, then the parameters of each builder."""
-    yield f"## [parts.NAME]\n\n{table(PartKeys)}"
-    yield f"### without a builder\n\nA part from the mesh file.\n\n{table(FileKeys)}"
+    yield f"## [parts.NAME]\n\n{table(Part, 'material', 'builder', 'axis')}"
+    of_file = table(Part, "layers", "morph")
+    yield f"### without a builder\n\nA part from the mesh file.\n\n{of_file}"
     for name in BUILDERS:
         cls = builder_class(name)
         note = _plain(
@@ -137,14 +125,18 @@ def _parts() -> Iterator[str]:
         yield f'### builder = "{name}"\n\n{note}\n\n{table(cls)}'
 
 
-def _title(section: Section) -> tuple[str, str]:
-    """Heading of a section, and the first line of its docstring after the names."""
-    first = (inspect.getdoc(section.cls) or "").splitlines()[0]
-    note = _plain(first.rpartition("]: ")[2])
-    name = section.name.replace("samples.random.NAME", 'samples.random."KEY"')
-    for table_of_faces in ("springs", "masses", "loads"):
-        name = name.replace(f"{table_of_faces}.NAME", f'{table_of_faces}."PART.FACE"')
-    return name, f"{note[:1].upper()}{note[1:]}\n\n"
+def _title(name: str) -> str:
+    """Heading of a table."""
+    name = name.replace("samples.random.NAME", 'samples.random."KEY"')
+    for section in ("springs", "masses", "loads"):
+        name = name.replace(f"{section}.NAME", f'{section}."PART.FACE"')
+    return name
+
+
+def _note(cls: Any) -> str:
+    """First line of the docstring of a table after the names."""
+    note = _plain((inspect.getdoc(cls) or "").splitlines()[0].rpartition("]: ")[2])
+    return f"{note[:1].upper()}{note[1:]}\n\n"
 
 
 def _toml(value: Any) -> str:

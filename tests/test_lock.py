@@ -14,7 +14,7 @@ import pytest
 
 from brake_fenicsx import pipeline
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder import entry
+from brake_fenicsx.folder import store
 from brake_fenicsx.folder.lock import SILENCE, Lock
 from brake_fenicsx.folder.store import RUNNING
 
@@ -128,6 +128,6 @@ def test_a_run_that_missed_a_beat_is_waited_for(tmp_path, monkeypatch):
     (run.parent / "share-3-of-4.claim").write_text(ELSEWHERE)
     ages = iter([100.0, SILENCE + 1])
     silent_for(run, next(ages))
-    monkeypatch.setattr(entry.time, "sleep", lambda _: silent_for(run, next(ages)))
+    monkeypatch.setattr(store.time, "sleep", lambda _: silent_for(run, next(ages)))
     pipeline.run(BLOCK, MPI.COMM_SELF, out, surface_of(3))
     assert next(ages, None) is None and not (out / RUNNING).exists()

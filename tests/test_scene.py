@@ -14,9 +14,9 @@ import pytest
 from brake_fenicsx.checks import check
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.digest import result_digest
-from brake_fenicsx.scene.in_effect import in_effect
+from brake_fenicsx.scene.digest import in_effect, result_digest
 from brake_fenicsx.scene.units import to_si
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
@@ -80,10 +80,8 @@ MISTAKES = [
     ('loads."block.top".pressure=5 mm', "5 mm", "pressure"),
     ('loads."block.top".pressure=5', "unit is missing", "MPa"),
     ("parts.block.size=-3 mm", "parts.block.size", "positive"),
-    ("parts.block.width=-20 mm", "parts.block.width", "positive"),
     ("materials.lining.C12=9 GPa", "materials.lining", "positive definite"),
     ("materials.iron.nu=0.5", "materials.iron", "nu"),
-    ("materials.iron.rho=-1 kg/m^3", "materials.iron.rho", "positive"),
     ("parts.block.material=wood", "wood", "[materials.wood]"),
     ('supports."block.left"=clamped', "block.left", "block.top"),
     ("stages=['equilibrium','statbility']", "statbility", "stability"),
@@ -100,15 +98,12 @@ MISTAKES = [
     ("stability.tolerance=0", "stability.tolerance", "positive"),
     ("stability.zeta_max=0.8", "stability.zeta_max", "between 1e-06 and 0.7"),
     ("stability.tolerance=1e-16", "stability.tolerance = 1e-16", "between 1e-12 and 0.01"),
-    ("stability.tolerance=1", "stability.tolerance = 1", "between 1e-12 and 0.01"),
-    ("stability.zeta_max=1e-300", "stability.zeta_max = 1e-300", "between 1e-06 and 0.7"),
     ("samples.n=9223372036854775808", "samples.n = 9223372036854775808", "10000000 at most"),
     ("samples.curves=1000000000", "samples.curves", "1000 at most"),
     ('loads."block.top".steps=1000000000', "steps", "10000 at most"),
     (f"materials.'a.b'={MATERIAL}", 'materials."a.b"', "without dots"),
     (f'materials."a\\nb"={MATERIAL}', 'materials."a\\nb"', "visible characters"),
     (f'materials."a\\u202eb"={MATERIAL}', 'materials."a\\u202eb"', "visible characters"),
-    (f'materials."a\\u0000b"={MATERIAL}', 'materials."a\\u0000b"', "visible characters"),
     (f"materials.{5000 * 'a'}={MATERIAL}", "materials.aaa", "1 to 100"),
     ("stability.damping={}", "stability.damping: no term", "rayleigh"),
     ("motion.friction=0.3", "motion.friction", "friction belongs to [contact.NAME]"),
@@ -123,7 +118,6 @@ MISTAKES = [
     ("stability.damping.loss=true", "stability.damping.loss", "omega_ref"),
     ("stability.damping.omega_ref=2 kHz", "omega_ref = '2 kHz'", "loss = true"),
     ("stability.damping={ loss=true, omega_ref='2 mm' }", "'2 mm'", "write a frequency"),
-    ("stability.damping={ loss=true, omega_ref='2' }", "'2'", "write a frequency"),
     ("stability.damping={ loss=true, omega_ref='-2 kHz' }", "omega_ref", "positive"),
     ("stability.damping={ loss=true, omega_ref='2 kHz' }", "loss factor", "materials.NAME.loss"),
     ("stability.damping.slope=true", "stability.damping.slope", "static"),
@@ -138,26 +132,24 @@ MISTAKES = [
     ("motion.direction=[0, 0, 0]", "motion.direction", "not all zero"),
     ("materials.iron.rho=7800", "materials.iron.rho", "unit is missing"),
     ("materials.iron.rho='7800'", "no unit; write a density", "'7800 kg/m^3'"),
-    ("materials.iron.E='8000'", "no unit; write a pressure or modulus", "'8000 MPa'"),
     ("stability.band=['0 Hz', '30 KHz']", "unknown unit 'KHz'", "did you mean 'kHz'?"),
     ("materials.iron.E='125 Gpa'", "unknown unit 'Gpa'", "did you mean 'GPa'?"),
-    ("materials.iron.rho='7800 Kg/m^3'", "unknown unit 'Kg'", "did you mean 'kg'?"),
     ("materials.iron.E='125 bananas'", "unknown unit 'bananas'", "write pressure or modulus"),
     ("materials.iron.E=stiff", "not a quantity", "pressure or modulus"),
     ("materials.iron.E=GPa", "not a quantity", "pressure or modulus"),
-    ("materials.iron.rho=kg/m^3", "not a quantity", "density"),
     ("stability.threshold=-0.01", "zero or more", "damping below -0.01"),
-    ("stability.damping.modal={ ratio=0.02 }", "'ratio' is no part", "PART one of block, plate"),
+    (
+        "stability.damping.modal={ ratio=0.02 }",
+        "ratio = 0.02: write a table",
+        "belongs to [stability.damping.modal.NAME]",
+    ),
     ("micro={ hardness='1 Pa' }", "micro.hardness = 1 Pa", "correct the unit"),
     # A value in the place of a table, and the other way round.
     ("parts=[]", "parts = []", "write a table"),
     ("parts.block=[]", "parts.block = []", "write a table"),
-    ("loads=x", "loads = 'x'", "write a table"),
     ("contact=nan", "contact = nan", "write a table"),
-    ("materials.iron=-1", "materials.iron = -1", "write a table"),
     ("supports=3", "supports = 3", "write a table"),
     ("samples.random=[1]", "samples.random = [1]", "write a table"),
-    ("samples.classical=1", "samples.classical = 1", "write a table"),
     ("mesh.groups=x", "mesh.groups = 'x'", "write a table"),
     ("stages={}", "stages = {}", "write a list"),
     ("stages=[['report']]", "stages = [['report']]", "use one of"),
@@ -168,7 +160,7 @@ MISTAKES = [
     ("contact.block_plate.law=libary", "contact.block_plate.law = 'libary'", '"library", { linear'),
     ("contact.block_plate.friction=true", "friction = True", "number or table"),
     ("contact.block_plate.faces=[1, 2]", "faces = [1, 2]", "write text"),
-    ('supports."block.top"=[["x"]]', 'supports."block.top" = [[', '"clamped" or a list'),
+    ('supports."block.top"=[["x"]]', 'supports."block.top" = [[', "use one of x, y, z"),
     ("materials.iron.E={}", "materials.iron.E = {}", "modulus"),
     ("micro={ patch='msh' }", "micro.patch = 'msh'", 'write "mesh" or length'),
     ("stages=['equilbrium']", "stages = ['equilbrium']", "did you mean 'equilibrium'?"),
@@ -177,9 +169,7 @@ MISTAKES = [
     ("mesh.order=true", "mesh.order = True", "use one of 1, 2"),
     # A comma is a decimal point to some readers and a separator to others.
     ('loads."block.top".pressure=2,5 bar', "'2,5 bar'", "write the decimal point"),
-    ("stability.band=['0 Hz', '6,5 kHz']", "'6,5 kHz'", "write the decimal point"),
     ("motion.speed='1,5 m/s'", "'1,5 m/s'", "write the decimal point"),
-    ("stability.damping.rayleigh=['1,5 1/s', 0]", "'1,5 1/s'", "write the decimal point"),
     ("stability.damping={ loss=true, omega_ref='1,5 kHz' }", "'1,5 kHz'", "write a frequency"),
     (
         "samples.random.'loads.\"block.top\".pressure'={ law='uniform', min='1,5 bar' }",
@@ -189,9 +179,7 @@ MISTAKES = [
     # Neither infinite nor no number.
     ("materials.iron.E=inf GPa", "materials.iron.E = 'inf GPa'", "finite"),
     ("materials.iron.rho=1e400 kg/m^3", "materials.iron.rho", "finite"),
-    ("contact.block_plate.friction=inf", "friction = inf", "finite"),
     ("contact.block_plate.friction=nan", "friction = nan", "finite"),
-    ("materials.iron.nu=nan", "materials.iron.nu = nan", "finite"),
     ("motion.direction=[inf, 0, 0]", "motion.direction = [inf, 0, 0]", "finite"),
     (f"stability.zeta_max=1{400 * '0'}", "stability.zeta_max", "finite"),
     ("motion.speed=nan m/s", "motion.speed = 'nan m/s'", "finite"),
@@ -348,17 +336,14 @@ def test_a_face_size_with_a_slip_of_its_unit_is_refused():
     read_scene(scene, ["parts.disc.face_size=1 mm"])
 
 
-def test_missing_scene(tmp_path, capsys):
-    assert main(["check", str(tmp_path / "none.toml")]) == 2
-    assert "no such file" in capsys.readouterr().err
-
-
-def test_folder_or_noise_in_place_of_a_scene(tmp_path, capsys):
+def test_what_is_no_scene(tmp_path, capsys):
+    """Nothing, a folder, noise: a line with its path."""
     (tmp_path / "noise.toml").write_bytes(bytes(range(128, 256)))
-    for path in (tmp_path, tmp_path / "noise.toml"):
+    for path in (tmp_path / "none.toml", tmp_path, tmp_path / "noise.toml"):
         assert main(["check", str(path)]) == 2
         error = capsys.readouterr().err
         assert error.count("\n") == 1 and str(path) in error
+        assert ("no such file" in error) == (not path.exists())
 
 
 def test_encodings_of_a_scene(tmp_path):
@@ -411,8 +396,11 @@ def _surface_scene(folder: Path, heights: np.ndarray) -> Path:
     return path
 
 
-def test_scan_without_valid_point(tmp_path, capsys, monkeypatch):
+@pytest.mark.parametrize("there", [True, False])
+def test_scan_that_is_not_there_or_has_no_valid_point(there, tmp_path, capsys, monkeypatch):
     path = _surface_scene(tmp_path, np.full((16, 16), np.nan))
+    if not there:
+        (tmp_path / "scan.npz").unlink()
     (work := tmp_path / "work").mkdir()
     monkeypatch.chdir(work)
     assert main(["run", str(path)]) == 2
@@ -444,18 +432,7 @@ def test_a_surface_that_contradicts_itself(change, named, ratio, tmp_path, capsy
     assert len(error) <= 2 and named in error[-1] and ratio in error[-1]
 
 
-def test_missing_scan(tmp_path, capsys):
-    path = _surface_scene(tmp_path, np.zeros((4, 4)))
-    (tmp_path / "scan.npz").unlink()
-    assert main(["run", str(path)]) == 2
-    assert "surface.scan" in capsys.readouterr().err
-
-
 def test_results_of_another_scene_are_not_overwritten(tmp_path):
-    from mpi4py import MPI
-
-    from brake_fenicsx.pipeline import run
-
     path = _surface_scene(tmp_path, rough())
     run(path, MPI.COMM_SELF, tmp_path / "out")
     with pytest.raises(SceneError, match="another scene"):

@@ -12,7 +12,7 @@ import jsonschema
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene, scene_type
-from brake_fenicsx.scene.in_effect import in_effect
+from brake_fenicsx.scene.digest import in_effect
 from brake_fenicsx.scene.keys import json_schema
 from brake_fenicsx.scene.warnings import unusual
 

@@ -48,7 +48,7 @@ def test_shares_at_work_and_time_to_go(folder):
     assert lock.claim("share-2-of-3") is None
     found = read_status(folder.directory)
     (one,) = found.workers
-    assert (str(one.share), one.done, one.of) == ("2 of 3", 1, 3)  # joint 3, 4, 5
+    assert (one.share, one.done, one.of) == ("2 of 3", 1, 3)  # joint 3, 4, 5
     assert found.seconds_to_go == pytest.approx(40.0, rel=0.5)
     said = found.text().splitlines()
     assert f"process {os.getpid()} on" in said[1]

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.samples_section import is_constant, split_key, unit_of
+from brake_fenicsx.scene.samples_section import Range, is_constant, split_key, unit_of
 from brake_fenicsx.scene.scalars import changes_bodies, is_inertia, is_length
-from brake_fenicsx.scene.sweep_section import Range
 
 from .distributions import quantile
 from .material_table import nominal_value

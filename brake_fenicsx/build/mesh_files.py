@@ -13,7 +13,7 @@ from brake_fenicsx.macro.morphing import EVEN
 from brake_fenicsx.meshing.groups import GroupedFile, mesh_of_file
 from brake_fenicsx.meshing.rawmesh import RawMesh
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.mesh_section import MeshTable
+from brake_fenicsx.scene.parts_section import MeshTable
 from brake_fenicsx.scene.units import to_si
 
 Array = NDArray[np.float64]
@@ -36,7 +36,8 @@ def grouped_file(folder: Path, table: MeshTable) -> GroupedFile:
     except ValueError as error:
         raise SceneError(f"mesh.unit = {table.unit!r}: {error}") from None
     file, unit = str(table.file), table.unit
-    return GroupedFile(folder, file, unit, metres, table.extent, table.groups, table.split)
+    groups = {name: t if isinstance(t, str) else [*t] for name, t in table.groups.items()}
+    return GroupedFile(folder, file, unit, metres, table.extent, groups, table.split)
 
 
 def velocity(scene: Scene, read: RawMesh, parts: list[str], key: str) -> Array:

@@ -22,8 +22,9 @@ from typing import IO, Any
 import numpy as np
 
 from brake_fenicsx.errors import BrakeError, SceneError
-from brake_fenicsx.folder.log import short_line
-from brake_fenicsx.folder.memory import mapped_files
+
+from .log import short_line
+from .memory import mapped_files
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 Source = Path | IO[bytes]
@@ -35,7 +36,6 @@ CHUNK = 2**20  # bytes read at once
 MAPPED = 2**20  # arrays from this size on are mapped [bytes]
 HEADER = 2**16  # bytes in which the header of a npy file ends
 COPY = "copy it again, or export it once more"
-NAME = "give the path of a file"
 # NumPy gives its own file format no types.
 npy: Any = np.lib.format
 
@@ -63,7 +63,7 @@ def reading(
     at = f"{file}: " if at is None else at
     if file is not None and not file.is_file():
         what = "a folder, no file" if file.is_dir() else "a device or pipe, no file"
-        raise kind(f"{at}{what if file.exists() else 'no such file'}; {NAME}")
+        raise kind(f"{at}{what if file.exists() else 'no such file'}; give the path of a file")
     try:
         yield
     except BrakeError:
@@ -144,14 +144,8 @@ def check_mapped(file: Path) -> None:
         ValueError: an array is not the one that was written.
     """
     with zipfile.ZipFile(file) as archive:
-        content = memoryview(_content(archive))
         for entry in filter(_is_mapped, archive.infolist()):
-            start, found = _start(content, entry), 0
-            for first in range(start, start + entry.file_size, CHUNK):
-                last = min(first + CHUNK, start + entry.file_size)
-                found = zlib.crc32(content[first:last], found)
-            if found != entry.CRC:
-                raise ValueError(f"array {entry.filename!r} has another checksum")
+            mapped_member(archive, entry.filename, check=True)
 
 
 def mapped_member(archive: zipfile.ZipFile, name: str, check: bool) -> memoryview:
@@ -167,10 +161,10 @@ def mapped_member(archive: zipfile.ZipFile, name: str, check: bool) -> memoryvie
     """
     entry, content = archive.getinfo(name), _content(archive)
     start = _start(content, entry)
-    found = memoryview(content)[start : start + entry.file_size]
-    if check and zlib.crc32(found) != entry.CRC:
+    member = memoryview(content)[start : start + entry.file_size]
+    if check and zlib.crc32(member) != entry.CRC:
         raise ValueError(f"{name!r} has another checksum")
-    return found
+    return member
 
 
 def read_npy(file: Path) -> np.ndarray[Any, Any]:
@@ -185,18 +179,16 @@ def read_hdf5(file: Path, names: Sequence[str]) -> Arrays:
 
     out: Arrays = {}
     with h5py.File(file, "r") as data:
-        for name in names:
-            if name not in data:
-                continue
+        for name in filter(data.__contains__, names):
             if not isinstance(data.get(name, getlink=True), h5py.HardLink):
                 raise ValueError(f"{name!r} is a link; store the data set itself")
-            one = data[name]
-            if not isinstance(one, h5py.Dataset) or one.dtype.kind not in "biufc":
+            numbers = data[name]
+            if not isinstance(numbers, h5py.Dataset) or numbers.dtype.kind not in "biufc":
                 raise ValueError(f"{name!r} is no data set of numbers")
-            if one.is_virtual or one.external:
+            if numbers.is_virtual or numbers.external:
                 raise ValueError(f"{name!r} lies in other files; store the data set itself")
-            check_size(one.nbytes, one.id.get_storage_size(), f"data set {name!r}")
-            out[name] = one[()]
+            check_size(numbers.nbytes, numbers.id.get_storage_size(), f"data set {name!r}")
+            out[name] = numbers[()]
     return out
 
 

@@ -17,9 +17,10 @@ from typing import Any
 from mpi4py import MPI
 
 from brake_fenicsx.errors import SceneError, StorageError
-from brake_fenicsx.folder.files import digest, whole_file
-from brake_fenicsx.folder.log import logger
-from brake_fenicsx.folder.store import Store
+
+from .files import digest, whole_file
+from .log import logger
+from .store import Store
 
 
 class SharedCache:
@@ -75,10 +76,8 @@ class SharedCache:
             try:
                 _link(own, there)
             except StorageError as error:
-                why = error.__cause__
-                logger.warning(
-                    "%s: cannot be written (%s); the run continues without it", there, why
-                )
+                text = "%s: cannot be written (%s); the run continues without it"
+                logger.warning(text, there, error.__cause__)
 
 
 def _link(source: Path, target: Path) -> None:

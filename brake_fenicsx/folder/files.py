@@ -17,8 +17,9 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from brake_fenicsx.errors import StorageError
-from brake_fenicsx.folder.arrays import check_mapped, npy, read_npz, reading
-from brake_fenicsx.folder.lock import has_ended, process_name
+
+from .arrays import check_mapped, npy, read_npz, reading
+from .lock import has_ended, process_name
 
 # End of the names of files that are being written, and when one of another machine is left [s].
 PART, OLD = ".part", 86400.0
@@ -200,8 +201,4 @@ def _write_arrays(file: BinaryIO, arrays: Mapping[str, Any]) -> None:
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    return str(value)
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else str(value)

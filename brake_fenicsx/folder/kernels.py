@@ -14,10 +14,7 @@ from pathlib import Path
 CPUINFO, MAPS = Path("/proc/cpuinfo"), Path("/proc/self/maps")
 
 # OPENBLAS_CORETYPE -> instructions that the kernels need; the best kernels first.
-KERNELS = {
-    "SkylakeX": {"avx512f", "avx512dq", "avx512bw", "avx512vl"},
-    "Haswell": {"avx2", "fma"},
-}
+KERNELS = {"SkylakeX": {"avx512f", "avx512dq", "avx512bw", "avx512vl"}, "Haswell": {"avx2", "fma"}}
 
 
 def best_kernels(cpuinfo: Path = CPUINFO) -> str | None:

@@ -23,7 +23,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.log import logger
+
+from .log import logger
 
 T = TypeVar("T")
 # What SLURM, Grid Engine, LSF and PBS tell a task of a job array: its number, the lowest and the
@@ -68,17 +69,15 @@ def read_share(text: str) -> Share:
         SceneError: the text is no share, or the environment does not say what is left out.
     """
     match = re.fullmatch(r"(\d*)/(\d+)|", text)
-    number, count = 0, 0
-    if match is not None and match[1]:
-        number, count = int(match[1]), int(match[2])
-    elif match is not None:
+    number, count = (int(group or 0) for group in match.groups()) if match else (0, 0)
+    if match is not None and not match[1]:
         number, tasks = _task_of_array(text)
-        count = int(match[2]) if text else tasks
+        count = count if text else tasks
         if tasks not in (0, count):
             raise SceneError(f"--share {text}: the job array has {tasks} tasks; write --share")
         if not count:
-            raise SceneError("--share: this scheduler does not say how many tasks there are; write"
-                             " --share /N")  # fmt: skip
+            raise SceneError("""--share: this scheduler does not say how many tasks there are; write
+                --share /N""")
     if not 1 <= number <= count:
         raise SceneError(f"--share {text}: write I/N with I from 1 to N, such as --share 3/16")
     return Share(number, count)
@@ -140,8 +139,7 @@ class Lock:
         """Runs at work in a folder, which is not entered: process and machine, and their claim."""
         lock = cls.__new__(cls)
         lock.folder, lock.name = folder, ""
-        claims = {path.name.removesuffix(_CLAIM): path for path in folder.glob(f"*{_CLAIM}")}
-        owners = {claim: _read(path) for claim, path in sorted(claims.items())}
+        owners = {p.name.removesuffix(_CLAIM): _read(p) for p in sorted(folder.glob(f"*{_CLAIM}"))}
         return [(lock.described(n), claim) for claim, n in owners.items() if n and lock.alive(n)]
 
     def leave(self) -> None:

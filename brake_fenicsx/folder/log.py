@@ -1,14 +1,23 @@
-"""Log and progress: one logger named ``brake_fenicsx``, rank 0 alone speaks."""
+"""Log and progress: one logger named ``brake_fenicsx``, rank 0 alone speaks.
+
+A picture, a field, a derivative or a limit cycle is beside the main result of a run: what fails
+there costs itself alone, and the log and the page say so (``spared``).
+"""
 
 from __future__ import annotations
 
+import errno
 import logging
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+T = TypeVar("T")
 logger = logging.getLogger("brake_fenicsx")
+# What no later work of the run survives either.
+FATAL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO}
 
 
 def short_line(text: str) -> str:
@@ -34,7 +43,7 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
     if not root.handlers:
         warnings = logging.StreamHandler(sys.stderr)
         warnings.setLevel(logging.WARNING)
-        warnings.setFormatter(_OfOthers("warning: %(message)s"))
+        warnings.setFormatter(_Lines())
         root.addHandler(warnings)
     logger.handlers.clear()
     logger.propagate = False
@@ -44,7 +53,7 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
         return
     terminal = _Terminal(sys.stderr, keeps=file is None)
     terminal.setLevel(level or (before.level if before else logging.INFO))
-    terminal.setFormatter(_Lines("%(message)s"))
+    terminal.setFormatter(_Lines())
     logger.addHandler(terminal)
     if file is not None:
         handler = logging.FileHandler(file, encoding="utf-8")
@@ -56,20 +65,13 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
             handler.handle(record)
 
 
-class _OfOthers(logging.Formatter):
-    """One short line of a record of another package: readers log whole files that they miss."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        """A line."""
-        return short_line(super().format(record))
-
-
 class _Lines(logging.Formatter):
-    """Lines of the terminal; those of warnings say so."""
+    """Lines of the terminal: warnings say so, and those of other packages are short."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """A line."""
-        return "warning: " * (record.levelno == logging.WARNING) + super().format(record)
+        """A line; readers of other packages log whole files that they miss."""
+        line = "warning: " * (record.levelno == logging.WARNING) + super().format(record)
+        return line if record.name == logger.name else short_line(line)
 
 
 class _Terminal(logging.StreamHandler):
@@ -121,3 +123,34 @@ class Progress:
         else:
             to_go = f"{self.each * (self.total - self.done):.0f} s to go"
         logger.info("%s: %d of %d, %s", self.what, self.done, self.total, to_go)
+
+
+def spared(what: str, work: Callable[[], T]) -> tuple[T | None, list[str]]:
+    """What work() gives, and nothing; or None, and what was lost and why, as a line for the page.
+
+    Args:
+        what: the extra, as the line names it: "picture of the mesh".
+        work: makes it; where processes share it, all must fail together.
+
+    Raises:
+        OSError: the disc is full or gone.
+    """
+    try:
+        return work(), []
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in FATAL:
+            raise
+        reason = " ".join(str(error).split()) or type(error).__name__
+        logger.debug("%s", what, exc_info=True)
+        return None, [f"{what} left out: {reason}"]
+
+
+def time_text(seconds: float) -> str:
+    """A time for a person."""
+    if seconds < 90:
+        return f"{seconds:.0f} s" if seconds >= 1 else "< 1 s"
+    if seconds < 5400:
+        return f"{seconds / 60:.0f} min"
+    if seconds < 2e5:
+        return f"{seconds / 3600:.1f} h"
+    return f"{seconds / 86400:.3g} days" if seconds < 3e7 else f"{seconds / 31557600:.3g} years"

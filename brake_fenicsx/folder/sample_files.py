@@ -22,8 +22,9 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.arrays import Arrays, mapped_member, read_npz
-from brake_fenicsx.folder.files import ResultFiles, damaged
+
+from .arrays import Arrays, mapped_member, read_npz
+from .files import ResultFiles, damaged
 
 Task = tuple[str, int]
 Tabulate = Callable[[Sequence[Task], Callable[[Task], Arrays | None]], Arrays | None]
@@ -155,10 +156,8 @@ class SampleFiles:
             yield archive
 
     def _foreign(self, name: str) -> SceneError:
-        return SceneError(
-            f"{self._files.path(FOLDER, name)}: does not belong to the scene of this folder; remove"
-            " this file, and the same command computes it again"
-        )
+        return SceneError(f"""{self._files.path(FOLDER, name)}: does not belong to the scene of this
+            folder; remove this file, and the same command computes it again""")
 
     def _pack(self, block: Sequence[Task]) -> None:
         """Copy the files of a block into its archive, and remove them."""

@@ -10,8 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.extensions import Extra, extras, load, shown
-from brake_fenicsx.folder.extras import spared
-from brake_fenicsx.folder.log import logger
+from brake_fenicsx.folder.log import logger, spared
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.results.run import RunData, read_run
 

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.folder.extras import spared
+from brake_fenicsx.folder.log import spared
 from brake_fenicsx.folder.processes import in_turns, meanwhile, on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.results.run import RunData, read_run, save_tables
 from brake_fenicsx.results.squeal import ModeKey
 from brake_fenicsx.results.tables import RowTable
 from brake_fenicsx.scene.approaches import slides
-from brake_fenicsx.scene.in_effect import in_effect
+from brake_fenicsx.scene.digest import in_effect
 
 from .mode_cards import SHAPES, ModeShape
 

@@ -19,7 +19,7 @@ from brake_fenicsx.macro.contact_elements import Contact
 from brake_fenicsx.samples.forces import contact_of, force_statistics
 from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.samples.study import Study
-from brake_fenicsx.scene.in_effect import in_effect
+from brake_fenicsx.scene.digest import in_effect
 
 from . import sample_blocks as blocks
 from .columns import column_writer

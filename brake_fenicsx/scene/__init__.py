@@ -1,13 +1,12 @@
 """The scene: reading, checking, and what it comes to in SI units."""
 
-from brake_fenicsx.scene.contact_section import ContactTable, Friction, LawTable
-from brake_fenicsx.scene.mesh_section import MeshTable
-from brake_fenicsx.scene.parts_section import BUILDERS, MaterialTable, Part
-from brake_fenicsx.scene.read import read_scene
-from brake_fenicsx.scene.samples_section import Classical, Design, Distribution, Samples
-from brake_fenicsx.scene.scene import STAGES, Scene, scene_type
-from brake_fenicsx.scene.stability_section import Stability
-from brake_fenicsx.scene.surface_section import Micro, Statistics, Surface
+from .contact_section import ContactTable, Friction, LawTable
+from .parts_section import BUILDERS, MaterialTable, MeshTable, Part
+from .read import read_scene
+from .samples_section import Classical, Design, Distribution, Samples
+from .scene import STAGES, Scene, scene_type
+from .stability_section import Stability
+from .surface_section import Micro, Statistics, Surface
 
 __all__ = [
     "BUILDERS", "STAGES", "Classical", "ContactTable", "Design", "Distribution", "Friction",

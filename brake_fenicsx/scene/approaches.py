@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from brake_fenicsx.extensions import beside_samples
-from brake_fenicsx.scene.contact_section import Friction
-from brake_fenicsx.scene.scene import Scene
-from brake_fenicsx.scene.stability_section import TERMS
+
+from .contact_section import Friction
+from .scene import Scene
+from .stability_section import TERMS
 
 # Approaches of perfect contact.
 PERFECT = frozenset({"classical", "parametric"})
@@ -31,10 +32,8 @@ def friction_of(scene: Scene, approach: str, interface: str) -> float | Friction
     """
     if not slides(scene, interface):
         return 0.0
-    classical = scene.samples.classical.friction
-    if approach in PERFECT and classical is not None:
-        return classical
-    return scene.contact[interface].friction
+    classical = scene.samples.classical.friction if approach in PERFECT else None
+    return scene.contact[interface].friction if classical is None else classical
 
 
 def depends_on_speed(friction: Any) -> bool:
@@ -59,9 +58,8 @@ def friction_texts(scene: Scene) -> dict[str, str]:
     texts = {}
     for approach in scene.samples.approaches:
         each = {name: _text(scene, approach, name) for name in scene.contact}
-        if len({*each.values()}) != 1:
-            each = {name: f"{text} ({name})" for name, text in each.items()}
-        texts[approach] = ", ".join(dict.fromkeys(each.values()))
+        named = [f"{text} ({name})" for name, text in each.items()]
+        texts[approach] = ", ".join(named if len({*each.values()}) > 1 else {*each.values()})
     return texts
 
 
@@ -97,13 +95,10 @@ def active_terms(scene: Scene, approach: str) -> tuple[str, ...]:
     table = scene.damping
     if scene.stability is None or "stability" not in scene.stages:
         return ()
-    named = [n for n in (*TERMS, "own") if table and getattr(table, n)]
-    if damped_springs(scene):
-        named.append("springs")
-    if damped_bodies(scene):
-        named.append("matrices")
+    there = {name: table and getattr(table, name) for name in (*TERMS, "own")}
+    there |= {"springs": damped_springs(scene), "matrices": damped_bodies(scene)}
     idle = {"slope": one_friction(scene, approach), "sliding": not rubs(scene, approach)}
-    return tuple(n for n in named if not idle.get(n))
+    return tuple(name for name, acts in there.items() if acts and not idle.get(name))
 
 
 def damped_springs(scene: Scene) -> dict[str, tuple[float, ...]]:
@@ -128,8 +123,7 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
         scene: the scene.
         counts: number of samples of each approach.
     """
-    stability = scene.stability if "stability" in scene.stages else None
-    if stability is None or stability.method != "reduced":
+    if not _reduced(scene):
         return set()
     damped = {name: bool(active_terms(scene, name)) for name in counts}
     modal = bool(scene.damping and scene.damping.modal)
@@ -140,10 +134,14 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
 
 def lone_samples(scene: Scene, counts: Mapping[str, int]) -> list[str]:
     """Approaches with a single sample that full order takes although the scene says "reduced"."""
+    reduced = reduced_approaches(scene, counts)
+    return [name for name in counts if _reduced(scene) and name not in reduced]
+
+
+def _reduced(scene: Scene) -> bool:
+    """Whether the scene asks for modes of a reduced model."""
     stability = scene.stability if "stability" in scene.stages else None
-    if stability is None or stability.method != "reduced":
-        return []
-    return [name for name in counts if name not in reduced_approaches(scene, counts)]
+    return stability is not None and stability.method == "reduced"
 
 
 def used_materials(scene: Scene) -> set[str]:

@@ -5,38 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import BeforeValidator, WithJsonSchema
+from .keys import key, shown, two_names, vector
+from .units import to_si
 
-from brake_fenicsx.scene.keys import key, shown, two_names, vector
-from brake_fenicsx.scene.units import to_si
-
-DIRECTIONS = ("x", "y", "z")
+Axis = Literal["x", "y", "z"]
+DIRECTIONS: tuple[Axis, ...] = ("x", "y", "z")
+Held = Literal["clamped"] | tuple[Axis, ...]  # by a support
+HELD = '"clamped" or a list of "x", "y", "z"'
 TWO_FACES = (two_names, "write two faces")
+DIRECTION = (vector, "write three numbers, not all zero")
 ALONG = "along the part's axes 1 and 2 and along z"
+ABOUT = ALONG.replace("along", "about")
 
 
 def axes(unit: str, example: str, sign: str = "zero", about: str = ALONG) -> Any:
     """A key for one value along or about each axis."""
     rule = (vector, f"write three, {about}, such as {example}")
     return key(unit, default=None, sign=sign, rule=rule)
-
-
-def _held(value: Any) -> Any:
-    """Directions held by a support."""
-    if value == "clamped":
-        return DIRECTIONS
-    if isinstance(value, list) and value and all(v in DIRECTIONS for v in value):
-        return value
-    raise ValueError('write "clamped" or a list of "x", "y", "z"')
-
-
-def supports_type() -> Any:
-    """Type of [supports]: the directions that each holds."""
-    some = {"type": "array", "items": {"enum": [*DIRECTIONS]}, "minItems": 1}
-    schema = WithJsonSchema({"anyOf": [{"const": "clamped"}, some]})
-    return dict[str, Annotated[tuple[str, ...], BeforeValidator(_held), schema]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,13 +43,13 @@ class Load:
     pressure: float | None = key("Pa", default=None, band=(1e3, 1e8))
     force: tuple[float, ...] | None = axes("N", '[0, 0, "-5 kN"]', "any")
     moment: tuple[float, ...] | None = axes("N m", '[0, 0, "50 N m"]', "any")
-    displacement: dict[str, float] | None = key("m", default=None, sign="any")  # noqa: RUF009
+    displacement: dict[str, float] | None = key("m", default=None, sign="any")
     steps: int = key(default=1, most=10_000)
 
     def contradictions(self) -> Iterator[str]:
         """A pressure, or a force and a moment, or a displacement of a support."""
-        total = self.force is not None or self.moment is not None
-        if (self.pressure is not None) + total + (self.displacement is not None) != 1:
+        kinds = (self.pressure, self.force or self.moment, self.displacement)
+        if kinds.count(None) != 2:
             yield ": write a pressure, or a force and a moment, or a displacement"
 
 
@@ -107,10 +94,9 @@ class Spring:
 
     def contradictions(self) -> Iterator[str]:
         """A stiffness or a damping; an area only to the ground."""
-        kinds = ("stiffness", "stiffness_per_area", "damping")
-        if all(getattr(self, kind) is None for kind in kinds):
-            yield f": neither stiffness nor damping; write {', '.join(kinds)}"
-        if self.faces is not None and self.stiffness_per_area is not None:
+        if not (self.stiffness or self.stiffness_per_area or self.damping):
+            yield ": neither stiffness nor damping; write stiffness, stiffness_per_area, damping"
+        if self.faces and self.stiffness_per_area:
             yield """.stiffness_per_area: is for a face and the ground; write the total of the two
                 faces as stiffness, or a tie with its stiffness"""
 
@@ -126,9 +112,7 @@ class AddedMass:
     """
 
     mass: float = key("kg")
-    inertia: tuple[float, ...] | None = axes(
-        "kg m^2", '["2 kg mm^2", "2 kg mm^2", 0]', about="about the part's axes 1 and 2 and about z"
-    )
+    inertia: tuple[float, ...] | None = axes("kg m^2", '["2 kg mm^2", "2 kg mm^2", 0]', about=ABOUT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,15 +128,11 @@ class Motion:
             1 m/s if not given.
     """
 
-    axis: Literal["x", "y", "z"] | tuple[float, ...] | None = key(
-        default=None, sign="any", rule=(vector, "write three numbers, not all zero")
-    )
+    axis: Axis | tuple[float, ...] | None = key(default=None, sign="any", rule=DIRECTION)
     point: tuple[float, ...] | None = key(
         "m", default=None, sign="any", rule=(lambda x: len(x) == 3, "write three numbers")
     )
-    direction: tuple[float, ...] | None = key(
-        default=None, sign="any", rule=(vector, "write three numbers, not all zero")
-    )
+    direction: tuple[float, ...] | None = key(default=None, sign="any", rule=DIRECTION)
     speed: str | None = key(default=None)
 
     @property
@@ -171,8 +151,8 @@ class Motion:
 
     def contradictions(self) -> Iterator[str]:
         """An axis or a direction, and a speed about or along it."""
-        for name in ("axis", "point") if self.direction is not None else ():
-            if (value := getattr(self, name)) is not None:
+        for name, value in (("axis", self.axis), ("point", self.point)):
+            if self.direction and value is not None:
                 yield f""".{name} = {shown(value)}: a disc turns about an axis or slides along a
                     direction; leave motion.{name} or motion.direction out"""
         try:

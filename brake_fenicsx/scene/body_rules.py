@@ -5,19 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 
-from brake_fenicsx.scene.approaches import (
-    depends_on_speed,
-    one_friction,
-    rubs,
-    slides,
-    turning_parts,
-    used_materials,
-)
-from brake_fenicsx.scene.bodies_section import DIRECTIONS
-from brake_fenicsx.scene.keys import dotted
-from brake_fenicsx.scene.parts_section import BUILDERS, part_lengths
-from brake_fenicsx.scene.scene import Scene
-from brake_fenicsx.scene.stability_section import WHERE, Damping
+from .approaches import depends_on_speed, one_friction, rubs, slides, turning_parts, used_materials
+from .bodies_section import DIRECTIONS
+from .keys import dotted
+from .parts_section import BUILDERS, longest_length
+from .scene import Scene
+from .stability_section import WHERE, Damping
 
 # Finer sizes, which the number of cells that is looked at before meshing leaves out -> the least
 # share of the part's length: ten million facets of a face; a spot or a line may be finer.
@@ -33,7 +26,7 @@ def part_mistakes(s: Scene) -> Iterator[str]:
             yield f"""{where}.builder: missing; use one of {", ".join(BUILDERS)}, or name a
                 mesh.file"""
         if part.parameters is not None:
-            longest, length = max(part_lengths(part.parameters).items(), key=lambda item: item[1])
+            longest, length = longest_length(part.parameters)
             if not low <= length <= high:
                 yield f"""{where}.{longest} = {length:.3g} m: the longest length of the part, not
                     between {low:g} m and {high:g} m; correct the unit, or widen mesh.extent"""
@@ -52,14 +45,10 @@ def faces_by_area(s: Scene, part: str) -> dict[str, str]:
     found = {f"contact.{n}.faces": c.faces for n, c in s.contact.items()}
     found |= {f"ties.{n}.faces": tie.faces for n, tie in s.ties.items()}
     found |= {f"springs.{n}": spring.faces or (n,) for n, spring in s.springs.items()}
-    found |= {f'loads."{face}"': (face,) for face in s.loads}
-    found |= {f'masses."{face}"': (face,) for face in s.masses}
-    return {
-        key: face
-        for key, faces in found.items()
-        for face in faces
-        if face.partition(".")[0] == part
-    }
+    found |= {dotted("loads", face): (face,) for face in s.loads}
+    found |= {dotted("masses", face): (face,) for face in s.masses}
+    all_faces = ((key, face) for key, faces in found.items() for face in faces)
+    return {key: face for key, face in all_faces if face.partition(".")[0] == part}
 
 
 def face_mistakes(s: Scene) -> Iterator[str]:
@@ -87,33 +76,33 @@ def face_mistakes(s: Scene) -> Iterator[str]:
 def _displacement(s: Scene, face: str, moved: dict[str, float]) -> Iterator[str]:
     """Directions that the face's support holds, of a part whose stiffness is that of the scene."""
     where, held = f'loads."{face}".displacement', s.supports.get(face, ())
-    if unknown := [c for c in moved if c not in DIRECTIONS]:
-        yield f"{where}: {unknown[0]!r}: unknown direction; write x, y or z"
+    for unknown in (c for c in moved if c not in DIRECTIONS):
+        yield f"{where}: {unknown!r}: unknown direction; write x, y or z"
     if not moved or any(c not in held for c in moved):
         yield f"""{where} = {moved!r}: moves directions that a support holds; write
             supports."{face}" = ["x", "y", "z"], or those of them that are meant"""
-    part = s.parts.get(face.partition(".")[0])
+    name = face.partition(".")[0]
+    part = s.parts.get(name)
     if part is None or part.matrices is not None:
         yield f"{where}: moves a face of a mesh; write a force on the set of nodes"
-    else:
-        for name in s.varied:
-            if name.split(".")[1] in (*part.materials, face.partition(".")[0]):
-                yield f"""{where}: the force of the displacement would change with {name}; leave
-                    that out, or write a force"""
+        return
+    for varied in s.varied:
+        if varied.split(".")[1] in (*part.materials, name):
+            yield f"""{where}: the force of the displacement would change with {varied}; leave that
+                out, or write a force"""
 
 
 def damping_mistakes(scene: Scene) -> Iterator[str]:
     """Terms that lack what they act on."""
-    table = scene.damping
-    if "stability" in scene.stages and not (table and table.loss):
-        for name in sorted(used_materials(scene)):
-            if loss := scene.materials[name].loss:
-                yield f"""{dotted("materials", name, "loss")} = {loss:g}: acts only with
-                    {WHERE}.loss = true; write it, with {WHERE}.omega_ref, or leave the loss factor
-                    out"""
+    table, used = scene.damping, sorted(used_materials(scene))
+    losses = {name: loss for name in used if (loss := scene.materials[name].loss)}
+    acts = bool(table and table.loss) or "stability" not in scene.stages
+    for name, loss in losses.items() if not acts else ():
+        yield f"""{dotted("materials", name, "loss")} = {loss:g}: acts only with {WHERE}.loss =
+            true; write it, with {WHERE}.omega_ref, or leave the loss factor out"""
     if table is None:
         return
-    if table.loss and not any(scene.materials[name].loss for name in used_materials(scene)):
+    if table.loss and not losses:
         yield f"{WHERE}.loss: no material of a part has a loss factor; write materials.NAME.loss"
     yield from _friction(scene, table)
     if table.gyroscopic:
@@ -151,7 +140,7 @@ def _turning(scene: Scene) -> Iterator[str]:
         yield f'{WHERE}.gyroscopic: needs a rotation; write motion.axis = "z" and motion.speed'
     elif not motion.rate:
         yield f"motion.speed = {motion.speed!r}: {WHERE}.gyroscopic needs a rotation"
-    for name in turning_parts(scene):
+    for name in turns:
         if name not in scene.parts:
             yield f"{WHERE}.gyroscopic: {_no_part(scene, name)}"
     joints = {f"ties.{name}": tie.faces for name, tie in scene.ties.items()}
@@ -165,9 +154,8 @@ def _turning(scene: Scene) -> Iterator[str]:
 
 def _modal(scene: Scene) -> Iterator[str]:
     """Ratios of modes of the parts, in an analysis that has such modes."""
-    stability = scene.stability
     wanted = {"method": "reduced", "verify": 0, "on_tolerance": "warn", "drivers": False}
     for name, value in wanted.items():
-        if getattr(stability, name) != value:
+        if getattr(scene.stability, name) != value:
             yield f"""{WHERE}.modal: ratios belong to the modes of the parts, which only the reduced
                 model has; write stability.{name} = {json.dumps(value)}, or name rayleigh or loss"""

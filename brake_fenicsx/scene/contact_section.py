@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
@@ -14,8 +13,9 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
-from brake_fenicsx.scene.keys import key, shown
-from brake_fenicsx.scene.units import factor_to_si, usual_unit, with_unit
+
+from .keys import key, rising_pair, shown
+from .units import factor_to_si, usual_unit, with_unit
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class LawTable:
         if self.table is not None and formula:
             yield ": table replaces linear, p0 and u0; leave these out"
         elif self.table is not None and len(self.units) != 2:
-            yield f'.units = {shown(list(self.units))}: write those of both columns, ["um", "MPa"]'
+            yield f'.units = {shown(self.units)}: write those of both columns, ["um", "MPa"]'
         elif self.table is None and self.linear is None and None in (self.p0, self.u0):
             yield f": write {LAWS}"
         elif self.linear is not None and {self.p0, self.u0} != {None}:
@@ -97,15 +97,13 @@ class Zone:
 
     def contradictions(self) -> Iterator[str]:
         """Ranges of two rising values, and of no more than a turn."""
-        ranges = {f: getattr(self, f.name) for f in fields(self)}
-        if {*ranges.values()} == {None}:
-            yield f": no range; write some of {', '.join(f.name for f in ranges)}, or leave it out"
+        ranges = {f: ends for f in fields(self) if (ends := getattr(self, f.name)) is not None}
+        if not ranges:
+            yield ": no range; write some of radius, angle, x, y, z, or leave it out"
         for f, ends in ranges.items():
-            if ends is None:
-                continue
             unit = usual_unit(f.metadata["unit"])
-            at = f".{f.name} = {shown([*with_unit(ends, f.metadata['unit'])])}"
-            if len(ends) != 2 or not ends[0] < ends[1]:
+            at = f".{f.name} = {shown(with_unit(ends, f.metadata['unit']))}"
+            if not rising_pair(ends):
                 yield f'{at}: write [lowest, highest], such as ["10 {unit}", "20 {unit}"]'
             if f.name == "angle" and ends[1] - ends[0] > 2 * math.pi * (1 + 1e-12):
                 yield f"{at}: more than a whole turn; leave it out for all angles"
@@ -133,13 +131,11 @@ class ContactTable:
             directions; required with ``slip = "stuck"``.
     """
 
-    faces: tuple[str, ...] = key(
-        rule=(lambda faces: len(faces) == 2, "write two faces, the pad's first")
-    )
-    law: Literal["library"] | LawTable = key(default="library", write=LAWS)  # noqa: RUF009
+    faces: tuple[str, ...] = key(rule=(lambda f: len(f) == 2, "write two faces, the pad's first"))
+    law: Literal["library"] | LawTable = key(default="library", write=LAWS)
     discretisation: str = key(default="patch", choices=("patch", "quadrature", "node"))
     gap: str = key(default="none", choices=("none", "hdf", "waviness"))
-    friction: float | Friction = key(default=0.0, sign="zero", band=FRICTION)  # noqa: RUF009
+    friction: float | Friction = key(default=0.0, sign="zero", band=FRICTION)
     friction_in_equilibrium: bool = True
     search: float | None = key("m", default=None)
     zone: Zone | None = None
@@ -182,9 +178,7 @@ def with_table(contact: ContactTable, name: str, folder: Path) -> ContactTable:
     if p[0] <= 0.0:
         raise SceneError(f"""{at}: {p[0]:g} Pa at the gap {d[0]:g} m; leave out rows without
             pressure: the law falls to zero beyond the widest gap by itself""")
-    wrong = np.flatnonzero((np.diff(d) >= 0.0) | (np.diff(p) <= 0.0))
-    if wrong.size:
-        i = int(wrong[0])
+    for i in np.flatnonzero((np.diff(d) >= 0.0) | (np.diff(p) <= 0.0)):
         raise SceneError(f"""{at}: {p[i + 1]:g} Pa at the gap {d[i + 1]:g} m and {p[i]:g} Pa at
             {d[i]:g} m; the pressure must rise as the gap falls: smooth the measured values""")
     return replace(contact, law=replace(law, steps=(tuple(d.tolist()), tuple(p.tolist()))))
@@ -197,20 +191,18 @@ def _columns(path: Path, at: str) -> np.ndarray:
     rows: list[list[float]] = []
     heading = False
     for number, line in enumerate(text.splitlines(), 1):
-        cells = next(csv.reader([line]), []) if "," in line else line.split()
-        if not cells or cells[0].lstrip().startswith("#"):
+        cells = line.replace(",", " ").split()
+        if not cells or cells[0].startswith("#"):
             continue
         try:
             values = [float(cell) for cell in cells]
         except ValueError:
-            if not rows and not heading:
-                heading = True
-                continue
+            values = []
+        if len(values) == 2 and np.isfinite(values).all():
+            rows.append(values)
+        elif values or rows or heading:
             raise SceneError(f"""{at}: line {number}: {line.strip()!r} does not contain two numbers;
-                write a gap and a pressure with decimal points, separated by a blank or a
-                comma""") from None
-        if len(values) != 2 or not np.isfinite(values).all():
-            raise SceneError(f"""{at}: line {number}: {line.strip()!r}; write a gap and a pressure
-                on each line""")
-        rows.append(values)
+                write a gap and a pressure with decimal points, separated by a blank or a comma""")
+        else:
+            heading = True
     return np.array(rows, float).reshape(-1, 2).T

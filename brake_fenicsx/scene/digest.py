@@ -1,17 +1,20 @@
-"""What results depend on: hashes of a scene for its folder, and keys of what scenes share."""
+"""What a scene comes to: its settings in effect, and hashes of what results depend on."""
 
 from __future__ import annotations
 
 import hashlib
+import math
 import sys
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
+from pathlib import Path
 from typing import Any
 
 from brake_fenicsx import __version__
 from brake_fenicsx.extensions import beside_samples, extras
 from brake_fenicsx.folder.files import digest
-from brake_fenicsx.scene import LawTable, Scene
-from brake_fenicsx.scene.scalars import changes_bodies
+
+from . import LawTable, Samples, Scene
+from .scalars import changes_bodies
 
 # Format of laws and samples on disk: what older programs wrote is not read as current.
 FORMAT = 4
@@ -24,10 +27,40 @@ NO_RESULT = ("stages", "samples", "sweep", "extensions")
 _LAWS = ("law", "gap", "friction", "friction_in_equilibrium")
 
 
+def in_effect(scene: Scene) -> dict[str, Any]:
+    """All settings of a scene, in SI units; what is neither given nor has a default is left out.
+
+    Args:
+        scene: the scene.
+
+    Returns:
+        Section -> its settings, as plain values.
+    """
+    names = (f.name for f in fields(scene) if f.name not in ("file", "table", "own"))
+    return _plain({name: getattr(scene, name) for name in names})
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value):
+        value = {f.name: getattr(value, f.name) for f in fields(value)}
+    if isinstance(value, dict):
+        return {str(k): v for k, v in ((k, _plain(v)) for k, v in value.items()) if _said(v)}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, str | int | float | bool | None):
+        return value
+    return str(value) if isinstance(value, Path) else type(value).__name__
+
+
+def _said(value: Any) -> bool:
+    """Neither nothing, nor empty, nor a bound that is none."""
+    if isinstance(value, float):
+        return math.isfinite(value)
+    return value is not None and value not in ("", [], {})
+
+
 def result_digest(scene: Scene) -> str:
     """Hash of all that the results of a sample depend on."""
-    left_out = ("n", "approaches", "limit")
-    samples = {k: v for k, v in scene.table.get("samples", {}).items() if k not in left_out}
     aside = {*NO_RESULT, *(key for e in extras() if not e.samples for key in e.sections)}
     table = {k: v for k, v in scene.table.items() if k not in aside}
     # What counts as squeal changes no result of a sample but what extras make of modes that squeal.
@@ -35,26 +68,30 @@ def result_digest(scene: Scene) -> str:
         table["stability"] = {k: v for k, v in table["stability"].items() if k != "threshold"}
     # The reduced model of all samples reaches over the values of a sweep that changes the bodies.
     swept = scene.sweep.parameters if scene.sweep else {}
-    if changing := {k: r.points for k, r in swept.items() if changes_bodies(scene, k)}:
-        table["sweep"] = changing
-    content = {**table, "samples": samples, "files": file_digests(scene), "format": FORMAT}
-    if scene.own.marks:
-        content["extensions"] = scene.own.marks
-    s = scene.samples
-    # The points of a design belong together; parametric and joint take the inputs from multi-scale.
-    whole = [s.plan(a) for a in s.approaches if s.takes_random(a) and not s.plan(a).grows]
-    if whole:
-        crossed = {p: ["roughness"] * (p.rough and p.design == "saltelli") for p in whole}
-        content["designs"] = [[p.n, p.design, p.curves, *crossed[p]] for p in whole]
-    if s.random and {"parametric", "joint"} & {*s.approaches}:
-        content["multi-scale"] = "roughness alone"
-    digests = {name: getattr(d, "digest", "") for name, d in s.random.items()}
-    if measured := {name: text for name, text in digests.items() if text}:
-        content["measured"] = measured
     laws = {n: c.law.steps for n, c in scene.contact.items() if isinstance(c.law, LawTable)}
-    if laws := {n: steps for n, steps in laws.items() if steps}:
-        content["laws"] = laws
-    return digest(content)
+    more = {
+        "sweep": {k: r.points for k, r in swept.items() if changes_bodies(scene, k)},
+        "extensions": scene.own.marks,
+        "laws": {n: steps for n, steps in laws.items() if steps},
+        **_inputs(scene.samples),
+    }
+    content = {**table, **{name: value for name, value in more.items() if value}}
+    left_out = ("n", "approaches", "limit")
+    samples = {k: v for k, v in scene.table.get("samples", {}).items() if k not in left_out}
+    return digest({**content, "samples": samples, "files": file_digests(scene), "format": FORMAT})
+
+
+def _inputs(s: Samples) -> dict[str, Any]:
+    """What the random inputs of a sample depend on beside their keys."""
+    # The points of a design belong together; parametric and joint take the inputs from multi-scale.
+    plans = [s.plan(a) for a in s.approaches if s.takes_random(a) and not s.plan(a).grows]
+    crossed = {p: ["roughness"] * (p.rough and p.design == "saltelli") for p in plans}
+    alone = s.random and {"parametric", "joint"} & {*s.approaches}
+    return {
+        "designs": [[p.n, p.design, p.curves, *crossed[p]] for p in plans],
+        "multi-scale": "roughness alone" if alone else "",
+        "measured": {n: text for n, d in s.random.items() if (text := getattr(d, "digest", ""))},
+    }
 
 
 def bodies_key(scene: Scene) -> dict[str, Any]:

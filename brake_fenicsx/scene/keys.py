@@ -20,30 +20,28 @@ from functools import cache, partial
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NotRequired, Required
 
-from annotated_types import Ge, Gt, Le
 from pydantic import (
     AfterValidator,
     BeforeValidator,
-    ConfigDict,
     Discriminator,
-    Strict,
     Tag,
     TypeAdapter,
     ValidationError,
     WithJsonSchema,
-)  # fmt: skip
+)
 from pydantic import Field as Key
 from typing_extensions import TypedDict
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import absent
-from brake_fenicsx.scene.units import DIMENSIONS, to_si, with_unit
+
+from .units import DIMENSIONS, to_si, with_unit
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 # A number, then a unit; no comma, which is a decimal point to some and nothing to others.
 QUANTITY = {"anyOf": [{"type": "string", "pattern": r"^[^,]*\d[^,]*$"}, {"const": 0}]}
 ANY_UNIT = {"anyOf": [QUANTITY, {"type": "number"}]}
-SIGNS = {"positive": Gt(0), "zero": Ge(0), "any": None}
+SIGNS: Any = {"positive": {"gt": 0}, "zero": {"ge": 0}, "any": {}}
 # Whole numbers are no larger than the samples or steps that any computer gets through.
 MOST = 10**7
 # Sections of tables by names that a user chooses: an unknown one is a slip as a rule.
@@ -83,15 +81,16 @@ class UnknownKey(KeyMistake):
 
 
 def key(unit: str = "", default: Any = MISSING, **metadata: Any) -> Any:
-    """A field of a scene: unit, default, and of these as needed.
+    """A field of a scene: unit, default or the class of what is empty, and of these as needed.
 
     ``sign`` ("positive" if absent, "zero", "any"), ``choices``, ``most`` of a whole number,
     ``units`` of a list whose values differ, ``band`` of usual values, ``rule`` (what holds for the
-    value, and the remedy where it does not), ``internal`` for what no scene writes, ``write`` for
-    what to write in place of another type, ``type`` that gives pydantic's type where the hint does
-    not.
+    value, or for each value of a table, and the remedy where it does not), ``internal`` for what no
+    scene writes, ``write`` for what to write in place of another type, ``type`` that gives
+    pydantic's type where the hint does not.
     """
-    return field(default=default, metadata={"unit": unit, **metadata})
+    given: Any = {"default_factory" if isinstance(default, type) else "default": default}
+    return field(**given, metadata={"unit": unit, **metadata})
 
 
 def below(limit: float, remedy: str) -> tuple[Callable[[float], bool], str]:
@@ -146,7 +145,7 @@ def walk(
     """
     inside: list[tuple[str, Any, Any]] = []
     if isinstance(value, dict):
-        inside = [(str(name), inner, {}) for name, inner in value.items()]
+        inside = [(str(name), inner, about) for name, inner in value.items()]
     elif is_dataclass(value):
         inside = [(f.name, getattr(value, f.name), f.metadata) for f in fields(value)]
     for name, inner, its in inside:
@@ -163,11 +162,10 @@ def contradictions(table: Any) -> Iterator[str]:
             texts that continue their key.
     """
     for keys, about, value in walk(table):
-        if "rule" in about and value is not None:
+        if "rule" in about and value is not None and not isinstance(value, dict):
             (holds, remedy), unit = about["rule"], about["unit"]
             if not holds(value):
-                plain = [*value] if isinstance(value, tuple) else value
-                text = f"{value:g}" if isinstance(value, float) else shown(plain)
+                text = f"{value:g}" if isinstance(value, float) else shown(value)
                 yield f"{dotted(*keys)} = {text}{unit and ' '}{unit}: {remedy}"
         for text in getattr(value, "contradictions", tuple)():
             yield dotted(*keys) + text
@@ -201,8 +199,8 @@ def key_parts(name: str) -> list[str]:
 
 
 def shown(value: Any) -> str:
-    """A value as a message shows it."""
-    text = repr(value)
+    """A value as a message shows it: that of a list as it is written."""
+    text = repr([*value] if isinstance(value, tuple) else value)
     return text if len(text) <= 100 else f"{text[:97]}..."
 
 
@@ -244,28 +242,51 @@ def keys_of(cls: Any) -> Iterable[tuple[Field, Any]]:
     return [(f, hints[f.name]) for f in fields(cls) if not f.metadata.get("internal")]
 
 
+def tables(cls: Any, above: str = "") -> Iterator[tuple[str, Any]]:
+    """Tables below a dataclass in the order of its keys, each before its own.
+
+    Args:
+        cls: the dataclass.
+        above: how their names begin.
+
+    Yields:
+        The table as a scene has it, "[ties.NAME]" where the user names it, and the dataclass.
+    """
+    for f, hint in keys_of(cls):
+        for kind in kinds_of(hint):
+            name, inner = f"{above}{f.name}", typing.get_args(kind)
+            if typing.get_origin(kind) is dict:
+                kind, name = inner[1], f"{name}.NAME"
+            elif typing.get_origin(kind) is tuple:
+                kind, name = inner[0], f"[{name}]"
+            if is_dataclass(kind):
+                yield f"[{name}]", kind
+                yield from tables(kind, f"{name}.")
+
+
 def table_type(make: Callable[..., Any], *sources: Any, **more: Any) -> Any:
     """Type of a table with the keys of some dataclasses: what pydantic reads.
 
     Args:
         make: gets what the table holds by name.
         sources: the dataclasses.
-        more: types of single keys, which the table then must have; None: which it may not.
+        more: types of keys of the first one, which the table then must have; None: it may not.
     """
     held = {}
     for cls in sources:
         for f, hint in keys_of(cls):
-            kind = more[f.name] if f.name in more else value_type(hint, f.metadata)
+            asked = cls is sources[0] and f.name in more
+            kind = more[f.name] if asked else value_type(hint, f.metadata)
             if kind is None:
                 continue
             default = partial(_add_default, f=f)
             about = Key(description=meanings(cls).get(f.name), json_schema_extra=default)
-            needed = f.default is f.default_factory is MISSING or f.name in more
+            needed = f.default is f.default_factory is MISSING or asked
             wrapper = Required if needed else NotRequired
             held[f.name] = wrapper[Annotated[kind, about]]
     named: Any = TypedDict
     table = named(sources[-1].__name__, held)
-    table.__pydantic_config__ = ConfigDict(extra="forbid")
+    table.__pydantic_config__ = {"extra": "forbid"}
     known = BeforeValidator(partial(_known, names=tuple(held)))
     return Annotated[table, known, AfterValidator(lambda values: make(**values))]
 
@@ -274,14 +295,9 @@ def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
     """Type of a key's value as pydantic reads it, from the hint and the metadata of its field."""
     if "type" in about:
         return about["type"]()
-    kinds = kinds_of(hint)
-    unit = about.get("unit", "")
-    if len(kinds) > 1:
-        wanted = about.get("write") or " or ".join(kind_text(kind, unit) for kind in kinds)
-        tagged = [Annotated[value_type(k, about), Tag(f"({i})")] for i, k in enumerate(kinds)]
-        chosen = Discriminator(lambda v: _member(v, kinds, unit), "shape", f"write {wanted}")
-        return Annotated[typing.Union[tuple(tagged)], chosen]  # noqa: UP007
-    (kind,) = kinds
+    kind, *others = kinds_of(hint)
+    if others:
+        return _union((kind, *others), about)
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     if isinstance(kind, type) and is_dataclass(kind):
         return _table(kind)
@@ -296,13 +312,22 @@ def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
     choices = inner if origin is Literal else about.get("choices")
     if choices:
         return Annotated[Literal[choices], BeforeValidator(partial(_one_of, choices=choices))]
-    sign = SIGNS[about.get("sign", "positive")]
+    unit, sign = about.get("unit", ""), SIGNS[about.get("sign", "positive")]
     if kind is float:
-        number: Any = Annotated[float, sign, BeforeValidator(partial(to_si, unit=unit))]
+        number: Any = Annotated[float, Key(**sign), BeforeValidator(partial(to_si, unit=unit))]
         schema = {"": None, "*": ANY_UNIT}.get(unit, QUANTITY)
         return Annotated[number, WithJsonSchema(schema)] if schema else number
-    strict: Any = Annotated[kind, Strict()]
-    return Annotated[strict, sign, Le(about.get("most", MOST))] if kind is int else strict
+    limits = {**sign, "le": about.get("most", MOST)} if kind is int else {}
+    return Annotated[kind, Key(strict=True, **limits)]
+
+
+def _union(kinds: tuple[Any, ...], about: Mapping[str, Any]) -> Any:
+    """Type of a value of one of several kinds, chosen by its shape."""
+    unit = about.get("unit", "")
+    wanted = about.get("write") or " or ".join(kind_text(kind, unit) for kind in kinds)
+    tagged = [Annotated[value_type(k, about), Tag(f"({i})")] for i, k in enumerate(kinds)]
+    chosen = Discriminator(lambda v: _member(v, kinds, unit), "shape", f"write {wanted}")
+    return Annotated[typing.Union[tuple(tagged)], chosen]  # noqa: UP007
 
 
 def written_default(f: Field) -> Any:
@@ -342,15 +367,14 @@ def _hint(name: str, names: tuple[str, ...], root: Any) -> str:
     """What an unknown key may stand for: a key that is gone, of another section, or like it."""
     if name in GONE:
         return f"; version 0.2 had it: {GONE[name]}"
-    homes = [
-        f"[{f.name}.NAME]" if typing.get_origin(hint) is dict else f"[{f.name}]"
-        for f, hint in keys_of(root)
-        for cls in (hint, *typing.get_args(hint))
-        if is_dataclass(cls) and name in cls.__dataclass_fields__
-    ]
-    if homes:
+    if homes := _homes(name, root):
         return f"; {name} belongs to {' or '.join(homes)}"
     return _similar(name, names) or f"; known: {', '.join(sorted(names))}"
+
+
+def _homes(name: str, root: Any) -> list[str]:
+    """Tables that have a key of this name."""
+    return [t for t, cls in tables(root) if any(f.name == name for f, _ in keys_of(cls))]
 
 
 def _one_of(value: Any, choices: tuple[Any, ...]) -> Any:
@@ -394,19 +418,29 @@ def _line(error: Any, table: Any, root: Any) -> str:
     keys = [k for k in error["loc"] if isinstance(k, str) and not re.fullmatch(r"\(.*\)", k)]
     keys += getattr(cause, "keys", ())
     text = str(cause) if cause else TEXTS.get(error["type"], error["msg"])
+    text += _remedy(error, keys, table, root)
     if isinstance(cause, UnknownKey):
         text = absent(keys[-1]) or text + _hint(keys[-1], cause.names, root)
-    if error["type"] == "less_than_equal":
-        text += f", {error['ctx']['le']} at most"
-    if keys == ["stability", "threshold"] and error["type"] == "greater_than_equal":
-        text += "; 0.01 counts modes with a damping below -0.01"
-    others = [n for n in table.get(keys[0], ()) if n != keys[1]] if len(keys) == 3 else []
+    value = table
     for name in keys:
-        if not isinstance(table, dict) or name not in table:
-            if error["type"] == "missing" and others and keys[0] in NAMED:
-                text += f" ({keys[0]} there are beside {keys[1]}: {', '.join(others)})"
+        if not isinstance(value, dict) or name not in value:
             return f"{dotted(*keys)}: {text}"
-        table = table[name]
-    if isinstance(table, str) and re.fullmatch(r"[+-]?\d+,\d+", table):
-        text += f"; decimals have a point, {table.replace(',', '.')}"
-    return f"{dotted(*keys)} = {shown(table)}: {text}"
+        value = value[name]
+    if isinstance(value, str) and re.fullmatch(r"[+-]?\d+,\d+", value):
+        text += f"; decimals have a point, {value.replace(',', '.')}"
+    return f"{dotted(*keys)} = {shown(value)}: {text}"
+
+
+def _remedy(error: Any, keys: list[str], table: Any, root: Any) -> str:
+    """What some kinds of mistakes are, as a rule, and how they are put right."""
+    kind, named = error["type"], f"[{'.'.join([*keys[:-1], 'NAME'])}]"
+    if kind == "dict_type" and named in _homes(keys[-1], root):
+        return f"; {keys[-1]} belongs to {named}"
+    if kind == "less_than_equal":
+        return f", {error['ctx']['le']} at most"
+    if kind == "greater_than_equal" and keys == ["stability", "threshold"]:
+        return "; 0.01 counts modes with a damping below -0.01"
+    if kind == "missing" and len(keys) == 3 and keys[0] in NAMED:
+        others = ", ".join(name for name in table[keys[0]] if name != keys[1])
+        return f" ({keys[0]} there are beside {keys[1]}: {others})" if others else ""
+    return ""

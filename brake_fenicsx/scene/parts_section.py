@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, Union
 
 from pydantic import BeforeValidator, Discriminator, Tag
 
-from brake_fenicsx.scene.keys import KeyMistake, key, table_type, two_names
-from brake_fenicsx.scene.units import MODULI
+from .keys import KeyMistake, key, rising_pair, table_type, two_names, value_type
+from .units import MODULI
 
 # What a thickness and a displaced mesh of a part of the mesh file are called in it.
 FILE_LAYER, MORPH = "layers.", "morph."
@@ -21,6 +21,66 @@ BUILDERS = {
     "disc": "Disc", "pad": "Pad", "block": "Block", "hertz_sphere": "Sphere", "hertz_base": "Base",
     "hertz_cylinder": "Cylinder", "hertz_slab": "Plate",
 }  # fmt: skip
+
+
+def _dotted(names: str | tuple[str, ...]) -> bool:
+    """Whether one name, or each of several, is "part.name"."""
+    parts = [name.split(".") for name in ((names,) if isinstance(names, str) else names)]
+    return bool(parts) and all(len(p) == 2 and all(p) for p in parts)
+
+
+NAMED = (_dotted, 'write "part.name"')
+
+
+@dataclass(frozen=True, slots=True)
+class MeshTable:
+    """[mesh]: how parts are meshed, or the file that contains the mesh.
+
+    Attributes:
+        cells: kind of the builders' cells; hexahedra only for swept parts. The hexahedra of the
+            reference disc take about half the unknowns of tetrahedra at equal error, and keep the
+            frequencies of double modes equal to 1e-13 (tetrahedra of 12 mm: 4e-4 apart).
+        order: order of the geometry. 1 (straight edges) is enough for flat contact; 2 puts mid-side
+            nodes on curved faces, which curved contact (Hertz) needs.
+        degree: polynomial degree of the displacements. 1 is for comparison with decks of linear
+            elements: these elements are fully integrated, too stiff in bending and lock near nu =
+            0.5.
+        mass: consistent, or lumped (the sum of each row on the diagonal; linear elements only).
+        growth: growth rate of the cell size away from finer cells, size per distance.
+        quality: lowest accepted cell quality: 3 r / R of tetrahedra, scaled Jacobian of hexahedra.
+        file: mesh file, relative to the scene's folder.
+        unit: unit of the file's coordinates.
+        groups: group of the file -> "part.layer" for cells, "part.face" for surfaces or nodes; a
+            list of faces where it lies on several parts.
+        split: face whose nodes are duplicated -> face of the other body with the original nodes.
+        extent: smallest and largest accepted extent [m] of the mesh; other meshes are rejected as a
+            mistake in the unit.
+    """
+
+    cells: str = key(default="tetrahedra", choices=("tetrahedra", "hexahedra"))
+    order: int = key(default=1, choices=(1, 2))
+    degree: int = key(default=2, choices=(1, 2))
+    mass: str = key(default="consistent", choices=("consistent", "lumped"))
+    growth: float = key(default=0.5)
+    quality: float = key(default=0.01)
+    file: str | None = key(default=None)
+    unit: str | None = key(default=None)
+    groups: dict[str, str | tuple[str, ...]] = key(default=dict, rule=NAMED)
+    split: dict[str, str] = key(default=dict, rule=NAMED)
+    extent: tuple[float, ...] = key(
+        "m", default=(5e-3, 3.0), rule=(rising_pair, "write [smallest, largest]")
+    )
+
+    def contradictions(self) -> Iterator[str]:
+        """Orders that go together; what is said of a mesh file needs one."""
+        if self.degree == 1 and self.order == 2:
+            yield ".order = 2: needs mesh.degree = 2, displacements of second order"
+        if self.degree == 2 and self.mass == "lumped":
+            yield """.mass = "lumped": corners of quadratic elements would have no or negative mass;
+                write mesh.degree = 1 as well"""
+        for name in ("unit", "groups", "split") if self.file is None else ():
+            if getattr(self, name):
+                yield f".{name}: needs mesh.file, the file that it is about"
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,19 +109,6 @@ class Matrices:
 
 
 @dataclass(frozen=True, slots=True)
-class MatricesKeys:
-    """[parts.NAME]: keys of a part that is given by matrices.
-
-    Attributes:
-        matrices: the files.
-        axis: direction of the part's axis 1 for springs: angle from x about z; 0 if not given.
-    """
-
-    matrices: Matrices
-    axis: float = key("rad", default=0.0, sign="any")
-
-
-@dataclass(frozen=True, slots=True)
 class Morph:
     """[parts.NAME.morph.LENGTH]: a length that a displaced mesh defines.
 
@@ -87,25 +134,28 @@ class Morph:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """[parts.NAME]: a builder with its parameters, or none if it comes from the mesh file.
+    """[parts.NAME]: a builder with its parameters, cells of the mesh file, or matrices.
 
     Attributes:
-        builder: name of the builder; None: cells of the file in [mesh].
-        parameters: the builder's parameters.
-        material: one for the part, or one for each layer.
-        axis: angle of the part's axis 1 from x about z [rad]; a material's own axis adds to it.
+        material: one ``[materials]`` name, or one for each layer:
+            ``{ lining = "..", plate = ".." }``.
+        builder: shape to build; without it the cells come from the file in ``[mesh]``.
+        axis: direction of the part's axis 1: angle from x about z; default for a pad: the tangent
+            at mid pad; for other parts: 0.
         matrices: the files that hold it, in place of builder and material.
-        layers: thickness of layers of the mesh file along z [m].
-        morph: lengths that move nodes of the mesh file.
+        layers: thickness of its layers along z, as meshed: flat layers named here may take other
+            thicknesses in samples ([studies.md](studies.md#thicknesses)).
+        morph: lengths that a second mesh file defines, by any name.
+        parameters: the builder's parameters.
     """
 
-    builder: str | None
-    parameters: Any
     material: str | dict[str, str]
-    axis: float = 0.0
+    builder: str | None = key(default=None, choices=tuple(BUILDERS))
+    axis: float = key("rad", default=None, sign="any")
     matrices: Matrices | None = None
-    layers: dict[str, float] = field(default_factory=dict)
-    morph: dict[str, Morph] = field(default_factory=dict)
+    layers: dict[str, float] = key("m", default=dict)
+    morph: dict[str, Morph] = key(default=dict)
+    parameters: Any = key(default=None, internal=True)
 
     @property
     def materials(self) -> tuple[str, ...]:
@@ -120,37 +170,6 @@ class Part:
         if self.builder in BUILDERS:
             return importlib.import_module(f"brake_fenicsx.geometry.{self.builder}")
         return self.builder and sys.modules[type(self.parameters).__module__]
-
-
-@dataclass(frozen=True, slots=True)
-class PartKeys:
-    """[parts.NAME]: keys of every part.
-
-    Attributes:
-        builder: shape to build; without it the cells come from the file in ``[mesh]``.
-        material: one ``[materials]`` name, or one for each layer:
-            ``{ lining = "..", plate = ".." }``.
-        axis: direction of the part's axis 1: angle from x about z; default for a pad: the tangent
-            at mid pad; for other parts: 0.
-    """
-
-    material: str | dict[str, str]
-    builder: str | None = key(default=None, choices=tuple(BUILDERS))
-    axis: float | None = key("rad", default=None, sign="any")
-
-
-@dataclass(frozen=True, slots=True)
-class FileKeys:
-    """[parts.NAME]: keys of a part from the mesh file.
-
-    Attributes:
-        layers: thickness of its layers along z, as meshed: flat layers named here may take other
-            thicknesses in samples ([studies.md](studies.md#thicknesses)).
-        morph: lengths that a second mesh file defines, by any name.
-    """
-
-    layers: dict[str, float] = field(default_factory=dict, metadata={"unit": "m"})
-    morph: dict[str, Morph] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -274,25 +293,20 @@ def moved_sideways(part: Part, name: str) -> Callable[[Any], Any] | None:
     return lambda points: shape.sideways(table, name, points)
 
 
-def part_lengths(parameters: Any) -> dict[str, float]:
-    """Lengths among a builder's parameters [m], without sign; of a list the longest."""
-    lengths = (f.name for f in fields(parameters) if f.metadata.get("unit") == "m")
-    held = {name: getattr(parameters, name) for name in lengths}
-    return {
-        name: max(map(abs, value)) if isinstance(value, tuple) else abs(value)
-        for name, value in held.items()
-        if value not in (None, ())
-    }
+def longest_length(parameters: Any) -> tuple[str, float]:
+    """The longest length among a builder's parameters, without sign: its key, and it [m]."""
+    names = [f.name for f in fields(parameters) if f.metadata.get("unit") == "m"]
+    held = {name: value for name in names if (value := getattr(parameters, name)) not in (None, ())}
+    sizes = {n: max(map(abs, v)) if isinstance(v, tuple) else abs(v) for n, v in held.items()}
+    return max(sizes.items(), key=lambda item: item[1])
 
 
-def _part(
-    cls: Any, material: Any, builder: str | None = None, axis: Any = None, **keys: Any
-) -> Part:
+def _part(cls: Any = None, material: Any = "", builder: Any = None, **keys: Any) -> Part:
     """A part from what its table holds."""
-    inside = {} if cls else {name: keys.pop(name, {}) for name in ("layers", "morph")}
-    parameters = cls(**keys) if cls else None
-    axis = getattr(parameters, "axis", 0.0) if axis is None else axis
-    return Part(builder, parameters, material, axis, **inside)
+    names = {f.name for f in fields(cls)} & keys.keys() if cls else ()
+    parameters = cls(**{name: keys.pop(name) for name in names}) if cls else None
+    keys = {"axis": getattr(parameters, "axis", 0.0), **keys}
+    return Part(material, builder, parameters=parameters, **keys)
 
 
 def _checked_builder(table: Any, known: Mapping[str, Any]) -> Any:
@@ -301,28 +315,30 @@ def _checked_builder(table: Any, known: Mapping[str, Any]) -> Any:
         raise ValueError("write a table")
     if "matrices" in table:
         return table
-    builder = table.get("builder")
-    if "builder" in table and builder not in list(known):
+    if "builder" in table and table["builder"] not in list(known):
         raise KeyMistake(f"use one of {', '.join(known)}", "builder")
-    parameters = set(table) - {f.name for cls in (PartKeys, FileKeys) for f in fields(cls)}
-    if builder is None and parameters:
+    parameters = {*table} - {f.name for f in fields(Part)}
+    if "builder" not in table and parameters:
         raise KeyMistake("has no meaning without a builder", min(parameters))
     return {**table, "shim": 0} if table.get("shim") is False else table
 
 
 def parts_type(own: Mapping[str, Any] = MappingProxyType({})) -> Any:
-    """Type of [parts]: one for each builder, and one for cells of the mesh file.
+    """Type of [parts]: one for each builder, one for cells of the mesh file, one for matrices.
 
     Args:
         own: name of a builder of a user's own -> dataclass of its parameters.
     """
     builders = {**{name: builder_class(name) for name in BUILDERS}, **own}
+    of_file: Any = {"layers": None, "morph": None}
+    matrices = {"builder": None, "material": None, "matrices": value_type(Matrices, {}), **of_file}
     kinds: dict[str | None, Any] = {
-        None: table_type(partial(_part, None), PartKeys, FileKeys, builder=None)
+        None: table_type(_part, Part, builder=None, matrices=None),
+        "matrices": table_type(_part, Part, **matrices),
     }
-    kinds["matrices"] = table_type(partial(Part, None, None, ""), MatricesKeys)
     for name, cls in builders.items():
-        kinds[name] = table_type(partial(_part, cls), PartKeys, cls, builder=Literal[name])
+        make, tag = partial(_part, cls), Literal[name]
+        kinds[name] = table_type(make, Part, cls, builder=tag, matrices=None, **of_file)
     tagged = [Annotated[kind, Tag(f"({name})")] for name, kind in kinds.items()]
     choose = Discriminator(
         lambda table: f"({'matrices' if 'matrices' in table else table.get('builder')})"

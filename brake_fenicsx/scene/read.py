@@ -1,4 +1,4 @@
-"""A scene: one TOML file to checked, frozen settings in SI units."""
+"""A scene: one TOML file to checked, frozen settings in SI units, and classes of a user's own."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import json
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,16 +15,25 @@ from typing import Any
 from brake_fenicsx.arguments import of_kind
 from brake_fenicsx.endings import MESH_FILES
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.extensions import load, named
-from brake_fenicsx.scene.contact_section import with_table
-from brake_fenicsx.scene.keys import contradictions, dotted, key_parts, read_table, shown
-from brake_fenicsx.scene.objects import own_objects, with_objects
-from brake_fenicsx.scene.rules import check_consistent
-from brake_fenicsx.scene.samples_section import complete
-from brake_fenicsx.scene.scene import STAGES, Scene, scene_type
-from brake_fenicsx.scene.stability_section import check_modal_names
+from brake_fenicsx.extensions import Extensions, load, named, own_class
+
+from .bodies_section import DIRECTIONS, Held
+from .contact_section import with_table
+from .keys import contradictions, dotted, key_parts, read_table, shown
+from .rules import check_consistent
+from .samples_section import complete
+from .scalars import check_scalar
+from .scene import STAGES, ExtensionsTable, Scene, scene_type
+from .stability_section import Damping
 
 MAPPING = "scene (mapping)"  # in place of the path of a file
+# What objects of each kind must do.
+METHODS = {
+    "contact": ("pressure", "stiffness", "vibration"),
+    "friction": ("coefficient",),
+    "damping": ("matrix",),
+    "random": ("quantile",),
+}
 
 
 def read_scene(
@@ -121,7 +130,6 @@ def _override(table: dict[str, Any], text: str) -> None:
 
 
 def _scene(path: Path, table: dict[str, Any]) -> Scene:
-    check_modal_names(table)
     own, builders = own_objects(table, path.parent)
     scene: Scene = read_table(scene_type(tuple(builders.items())), table)
     for text in contradictions(scene):
@@ -131,8 +139,10 @@ def _scene(path: Path, table: dict[str, Any]) -> Scene:
     roughness = any(c.law == "library" or c.gap != "none" for c in scene.contact.values())
     random = {n: complete(d, n, path.parent) for n, d in scene.samples.random.items()}
     contact = {n: with_table(c, n, path.parent) for n, c in scene.contact.items()}
+    held = scene.supports.items()
+    supports: dict[str, Held] = {f: DIRECTIONS if h == "clamped" else h for f, h in held}
     scene = replace(
-        scene, contact=contact, file=path, table=table, own=own,
+        scene, contact=contact, supports=supports, file=path, table=table, own=own,
         stages=tuple(s for s in STAGES if s in scene.stages),
         samples=replace(scene.samples, random=random, roughness=roughness),
     )  # fmt: skip
@@ -148,3 +158,79 @@ def _changed(scene: Scene, sections: Iterable[str], text: str) -> Scene:
     table = {k: v for k, v in copy.deepcopy(scene.table).items() if k not in {*sections}}
     _override(table, text)
     return _scene(scene.file, table)
+
+
+@dataclass(frozen=True, slots=True)
+class _Alone:
+    extensions: ExtensionsTable
+
+
+def own_objects(table: Mapping[str, Any], folder: Path) -> tuple[Extensions, dict[str, Any]]:
+    """Objects of the section [extensions] of a scene as it is written, and classes of builders.
+
+    Raises:
+        SceneError: the key, the name, and why it cannot be used.
+    """
+    if "extensions" not in table:
+        return Extensions(), {}
+    named = read_table(_Alone, {"extensions": table["extensions"]}).extensions
+    made: dict[str, dict[str, Any]] = {}
+    marks: dict[str, Any] = {}
+    for kind in (*METHODS, "builders", "figures"):
+        made[kind] = {}
+        for name, written in getattr(named, kind).items():
+            given = {"use": written} if isinstance(written, str) else written
+            where = f"{dotted('extensions', kind, name)} = {shown(written)}"
+            try:
+                found, about = own_class(str(given.get("use", "")), folder, named.allow)
+                if kind in METHODS:
+                    found = found(**{k: v for k, v in given.items() if k != "use"})
+                made[kind][name] = found
+            except (ValueError, TypeError) as error:
+                raise SceneError(f"{where}: {error}") from None
+            if kind != "figures":
+                marks[f"{kind}.{name}"] = [given, *about]
+    builders = made.pop("builders")
+    objects: dict[str, Any] = {**made, "damping": [*made["damping"].values()], "marks": marks}
+    return Extensions(**objects), builders
+
+
+def with_objects(scene: Scene, own: Extensions) -> Scene:
+    """A scene with some objects.
+
+    Args:
+        scene: the scene.
+        own: the objects.
+
+    Raises:
+        SceneError: there is no such interface or key, or no section for it.
+    """
+    at = f"{scene.file}: extensions"
+    for kind, methods in METHODS.items():
+        given = getattr(own, kind)
+        for one in given.values() if isinstance(given, Mapping) else given:
+            for method in methods:
+                if not callable(getattr(one, method, None)):
+                    raise SceneError(f"""{at}: an object of the type {type(one).__name__} has no
+                        method {method!r}; see brake_fenicsx.extensions""")
+    contact = dict(scene.contact)
+    for key, laws in (("law", own.contact), ("friction", own.friction)):
+        for name, law in laws.items():
+            if name not in contact:
+                raise SceneError(f"""{at}: there is no interface {name!r}; there are
+                    {", ".join(contact)}""")
+            table: Any = {key: law}
+            contact[name] = replace(contact[name], **table)
+    stability = scene.stability
+    if own.damping:
+        if stability is None:
+            raise SceneError(f"{at}: damping needs the section [stability]")
+        table = stability.damping or Damping()
+        terms = (*table.own, *own.damping)
+        stability = replace(stability, damping=replace(table, own=terms))
+    random: dict[str, Any] = {**scene.samples.random, **own.random}
+    samples = replace(scene.samples, random=random)
+    changed = replace(scene, contact=contact, stability=stability, samples=samples)
+    for name in own.random:
+        check_scalar(changed, f"{at}: {name}", name)
+    return changed

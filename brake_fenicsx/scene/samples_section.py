@@ -1,36 +1,17 @@
-"""[samples]: how many, of which approaches, and what is random in them.
+"""[samples]: how many, of which approaches, what is random in them; [sweep]: what is followed.
 
-A random input is named by the dotted key of the scalar it replaces; its numbers carry that
-scalar's unit:
-
-    contact.NAME.friction                       one number, not a table
-    loads.FACE.pressure
-    materials.NAME.CONSTANT                     a stiffness (C11, ...) where the table is written by
-        stiffnesses; or an engineering constant: E, nu of an isotropic material, E_1, E_2, E_3,
-        nu_12, nu_31, nu_32, G_12, G_13, G_23 of any other one, however its table is written. The
-        named ones change, the others of this list stay.
-    materials.NAME.loss, materials.NAME.rho
-    masses.FACE.mass
-    parts.NAME.lining, .plate, .shim            thickness of the layers of a pad
-    parts.NAME.thickness, parts.NAME.height     of a disc, of a block
-    parts.NAME.slot_depth, .chamfer_depth       of a pad
-    parts.NAME.cheek, .hat, .flange             of a disc
-    parts.NAME.chamfer, .slot                   of a pad, its contact elements move along
-    parts.NAME.length, .width, .radius, .bore   of a block, of a disc, likewise
-    parts.NAME.layers.LAYER                     of a layer of the mesh file
-    parts.NAME.morph.LENGTH.value               that moves nodes of the mesh file
-    stability.damping.rayleigh.alpha, .beta
-    motion.speed                                rad/s or m/s, as the scene's motion says
-    samples.classical.penalty                   in approaches of perfect contact
+A random input, or a parameter of a sweep, is named by the dotted key of the scalar it replaces
+(``SCALARS``); its numbers carry that scalar's unit. Of a material written by stiffnesses, these may
+vary; of an isotropic one E and nu; of any other one the constants for each axis, however its table
+is written: the named ones change, the others stay.
 """
 
 from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -39,32 +20,36 @@ from pydantic import BeforeValidator
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import npz_names, read_npz, reading
-from brake_fenicsx.scene.keys import KeyMistake, below, key, value_type
-from brake_fenicsx.scene.units import factor_to_si, to_si
+
+from .keys import KeyMistake, below, key, value_type
+from .units import factor_to_si, to_si
 
 APPROACHES = ("multi-scale", "classical", "parametric", "joint")
 ROUGH = ("multi-scale", "joint")  # of rough contact
 NO_ROUGH_SAMPLES = "there are no rough samples; name multi-scale or joint in samples.approaches"
 DESIGNS = ("random", "latin-hypercube", "sobol", "fast", "rbd-fast", "saltelli")
 DISTRIBUTIONS = ("normal", "lognormal", "uniform", "measured")
-# Keys of the scalars that may take other values than the scene's, and their SI units.
+# Keys of the scalars that may take other values than the scene's: table, keys, SI unit.
 SCALARS = (
-    (r"contact\..+\.friction", ""),
-    (r"loads\..+\.pressure", "Pa"),
-    (r"materials\..+\.(loss|nu|nu_\d\d)", ""),
-    (r"materials\..+\.(E|E_\d|G_\d\d|C\d\d)", "Pa"),
-    (r"materials\..+\.rho", "kg/m^3"),
-    (r"masses\..+\.mass", "kg"),
-    (r"motion\.speed", "rad/s or m/s"),
-    (r"parts\..+\.(lining|plate|shim|slot_depth|chamfer_depth|layers\.\w+|morph\.\w+\.value)", "m"),
-    (r"parts\..+\.(thickness|cheek|hat|flange|height)", "m"),
-    (r"parts\..+\.(chamfer|slot|length|width|radius|bore)", "m"),
-    (r"samples\.classical\.penalty", "Pa/m"),
-    (r"stability\.damping\.rayleigh\.alpha", "1/s"),
-    (r"stability\.damping\.rayleigh\.beta", "s"),
+    ("contact.NAME", "friction", ""),
+    ("loads.FACE", "pressure", "Pa"),
+    ("materials.NAME", "loss nu nu_12 nu_31 nu_32", ""),
+    ("materials.NAME", "E E_1 E_2 E_3 G_12 G_13 G_23", "Pa"),
+    ("materials.NAME", "C11 C22 C33 C12 C13 C23 C44 C55 C66", "Pa"),
+    ("materials.NAME", "rho", "kg/m^3"),
+    ("masses.FACE", "mass", "kg"),
+    ("motion", "speed", "rad/s or m/s"),
+    ("parts.PAD", "lining plate shim slot slot_depth chamfer chamfer_depth", "m"),
+    ("parts.DISC", "thickness cheek hat flange radius bore", "m"),
+    ("parts.BLOCK", "length width height", "m"),
+    ("parts.NAME", "layers.LAYER morph.LENGTH.value", "m"),
+    ("samples.classical", "penalty", "Pa/m"),
+    ("stability.damping.rayleigh", "alpha", "1/s"),
+    ("stability.damping.rayleigh", "beta", "s"),
 )
 ENGINEERING = ("E_1", "E_2", "E_3", "nu_12", "nu_31", "nu_32", "G_12", "G_13", "G_23")
 INFINITY = float("inf")
+MAX_STEPS = 100_000  # of a sweep
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +113,24 @@ class Distribution:
     file: str | None = key(default=None)
     array: str | None = key(default=None)
     unit: str | None = key(default=None)
-    correlation: dict[str, float] = field(default_factory=dict, metadata={"sign": "any"})
+    correlation: dict[str, float] = key(default=dict, sign="any")
     digest: str = key(default="", internal=True)
+
+    def contradictions(self) -> Iterator[str]:
+        """What each law needs."""
+        bounds = np.isfinite([self.min, self.max])
+        if not self.min < self.max:
+            yield f": min = {self.min:g} must lie below max = {self.max:g}"
+        if self.law in ("normal", "lognormal") and None in (self.mean, self.sd):
+            yield f": a {self.law} law needs mean and sd"
+        if self.law == "lognormal" and self.mean is not None and self.mean <= 0:
+            yield f".mean = {self.mean:g}: a lognormal law needs a positive mean"
+        if self.law == "uniform" and self.spread is None and not bounds.all():
+            yield ": a uniform law needs min and max, or spread"
+        if self.spread is not None and (self.law != "uniform" or bounds.any()):
+            yield ".spread: only for a uniform law, in place of min and max"
+        if self.law != "measured" and (self.values or self.file):
+            yield ': values and file belong to law = "measured"'
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,14 +156,14 @@ class Samples:
     design: str = key(default="random", choices=DESIGNS)
     curves: int = key(default=3, most=1000)
     approaches: tuple[str, ...] = key(default=("multi-scale",), choices=APPROACHES)
-    classical: Classical = field(default_factory=Classical)
-    parametric: Design = field(default_factory=Design)
-    joint: Design = field(default_factory=Design)
+    classical: Classical = key(default=Classical)
+    parametric: Design = key(default=Design)
+    joint: Design = key(default=Design)
     limit: float = key(
         default=0.5, rule=below(1, "a share of the samples; write a fraction below 1")
     )
-    random: dict[str, Distribution] = field(
-        default_factory=dict, metadata={"type": lambda: _random_type()}
+    random: dict[str, Distribution] = key(
+        default=dict, type=lambda: tables_of_scalars(Distribution)
     )
     roughness: bool = key(default=False, internal=True)
 
@@ -211,6 +212,63 @@ class Plan:
         return self.design in ("random", "sobol")
 
 
+@dataclass(frozen=True, slots=True)
+class Range:
+    """[sweep.parameters]: values of the scalar with that dotted key; with its unit.
+
+    Attributes:
+        start: first value.
+        stop: last value; it may lie below ``start``.
+        steps: number of values, equally spaced, both ends included.
+        values: list of values, rising or falling, instead of ``start``, ``stop`` and ``steps``.
+    """
+
+    start: float | None = key("*", default=None, sign="any")
+    stop: float | None = key("*", default=None, sign="any")
+    steps: int = key(default=41, most=MAX_STEPS)
+    values: tuple[float, ...] = key("*", default=(), sign="any")
+
+    def contradictions(self) -> Iterator[str]:
+        """Two values or more, in order."""
+        ends = self.start is not None, self.stop is not None
+        if any(ends) == bool(self.values) or ends[0] != ends[1]:
+            yield ": write start, stop and steps, or values"
+        step = np.diff(self.points)
+        if not step.size or not (np.all(step > 0) or np.all(step < 0)):
+            yield ": two values or more are needed, rising or falling"
+
+    @property
+    def points(self) -> tuple[float, ...]:
+        """All values, SI."""
+        if self.start is None or self.stop is None:
+            return self.values
+        return tuple(float(x) for x in np.linspace(self.start, self.stop, self.steps))
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """[sweep]: modes followed over parameters of the scene.
+
+    Attributes:
+        parameters: values of one or two scalars, by dotted key; the first one is followed, the
+            second one makes a chart.
+        samples: rough samples, the first ones of the scene, whose modes are also followed.
+    """
+
+    parameters: dict[str, Range] = key(default=dict, type=lambda: tables_of_scalars(Range))
+    samples: int = key(default=0, sign="zero")
+
+    @property
+    def first(self) -> str:
+        """Key of the parameter that modes are followed over."""
+        return next(iter(self.parameters))
+
+    @property
+    def second(self) -> str | None:
+        """Key of the other parameter of a chart."""
+        return [*self.parameters, None][1]
+
+
 def split_key(name: str) -> tuple[str, str, str]:
     """Section, table and key of "section.table.key"; the table's name may hold dots itself."""
     section, _, rest = name.partition(".")
@@ -240,46 +298,40 @@ def unit_of(name: str) -> str:
     Raises:
         KeyMistake: no such scalar may be random.
     """
-    for pattern, unit in SCALARS:
-        if re.fullmatch(pattern, name):
+    for table, keys, unit in SCALARS:
+        names = keys.replace(".", r"\.").replace(" ", "|")
+        if re.fullmatch(re.sub("[A-Z]{3,}", ".+", rf"{table}\.({names})"), name):
             return unit
-    if split_key(name)[0] == "parts":
-        raise KeyMistake(
-            "of the parts only these lengths may vary on one brake: lining, plate, shim,"
-            " slot, slot_depth, chamfer and chamfer_depth of a pad, thickness, cheek, hat, flange,"
-            " radius and bore of a disc, length, width and height of a block, layers.LAYER of a"
-            " mesh file and morph.LENGTH.value of a displaced mesh; run the scene once for"
-            f" each value, with --set {name}=VALUE, and compare the runs", name,
-        )  # fmt: skip
-    raise KeyMistake(
-        "one brake has one value of it: run the scene once for each, with --set, and compare the"
-        " runs; others may vary: contact.NAME.friction, loads.FACE.pressure,"
-        " materials.NAME.CONSTANT, .loss and .rho, masses.FACE.mass, parts.NAME.THICKNESS,"
-        " stability.damping.rayleigh.alpha and .beta, motion.speed, samples.classical.penalty",
-        name,
-    )  # fmt: skip
+    part, why = name.startswith("parts."), "one brake has one value of it; others may vary"
+    rows = (f"{t}.{keys.replace(' ', '|')}" for t, keys, _ in SCALARS if ("parts." in t) == part)
+    text = f"""{"of the parts only these lengths may vary on one brake" if part else why}:
+        {", ".join(rows)}; run the scene once for each value, with --set {name}=VALUE, and compare
+        the runs"""
+    raise KeyMistake(text, name)
 
 
-def in_si_units(tables: Any, names: Sequence[str]) -> Any:
-    """Numbers of tables named by dotted keys in the unit of the scalar that each is about.
+def quantities(cls: Any) -> list[str]:
+    """Names of the keys of a table that are in the unit of another key of the scene."""
+    return [f.name for f in fields(cls) if f.metadata.get("unit") == "*"]
+
+
+def tables_of_scalars(cls: Any) -> Any:
+    """Type of tables by dotted key, whose numbers are in the unit of the scalar of that key.
 
     Args:
-        tables: dotted key -> table.
-        names: its keys that are values of that scalar.
-
-    Raises:
-        KeyMistake: no such scalar may take other values than the scene's, or a unit is wrong.
+        cls: dataclass of one of them.
     """
-    if not isinstance(tables, dict):
+    names = quantities(cls)
+
+    def in_si_units(tables: Any) -> Any:
+        for name, table in tables.items() if isinstance(tables, dict) else ():
+            unit = unit_of(name)
+            if unit and isinstance(table, dict):
+                numbers = {k: _converted(table[k], unit, name, k) for k in names if k in table}
+                tables = {**tables, name: {**table, **numbers}}
         return tables
-    out = {}
-    for name, table in tables.items():
-        unit, out[name] = unit_of(name), table
-        if isinstance(table, dict) and unit:
-            out[name] = {
-                k: _converted(v, unit, name, k) if k in names else v for k, v in table.items()
-            }
-    return out
+
+    return Annotated[value_type(dict[str, cls], {}), BeforeValidator(in_si_units)]
 
 
 def _converted(value: Any, unit: str, *where: str) -> Any:
@@ -289,11 +341,6 @@ def _converted(value: Any, unit: str, *where: str) -> Any:
         return to_si(value, unit)
     except ValueError as error:
         raise KeyMistake(str(error), *where) from None
-
-
-def _random_type() -> Any:
-    convert = partial(in_si_units, names=("mean", "sd", "min", "max", "values"))
-    return Annotated[value_type(dict[str, Distribution], {}), BeforeValidator(convert)]
 
 
 def complete(d: Distribution, name: str, folder: Path) -> Distribution:
@@ -312,43 +359,21 @@ def complete(d: Distribution, name: str, folder: Path) -> Distribution:
         values = _measured(d, unit_of(name), folder, where)
         digest = hashlib.sha256(np.array(values).tobytes()).hexdigest()
         d = replace(d, values=values, digest=digest)
-    for text in _mistakes(d):
-        raise SceneError(f"{where}{text}")
+    drawn = [v for v in d.values if d.min <= v <= d.max]
+    if d.law == "measured" and len(drawn) < 2:
+        raise SceneError(f"""{where}: a measured law needs two values or more within min and max, in
+            values or file""")
     if name == "motion.speed":
         return d
-    for key_, value in (("mean", d.mean), ("min", _uniform(d))):
+    least = d.min if d.law == "uniform" and np.isfinite(d.min) else None
+    for key_, value in (("mean", d.mean), ("min", least)):
         if value is not None and (text := below_least(name, value)):
             raise SceneError(f"{where}.{key_} = {value:g}: {text}")
-    wrong = [v for v in d.values if d.min <= v <= d.max and below_least(name, v)]
-    if wrong:
+    if wrong := [v for v in drawn if below_least(name, v)]:
         raise SceneError(f"""{where}.values: {len(wrong)} of {len(d.values)} measured values
             {below_least(name, min(wrong))}, the least is {min(wrong):g}; correct them, or write
             min, which leaves them out""")
     return d
-
-
-def _uniform(d: Distribution) -> float | None:
-    """Lower end of a uniform law that has one."""
-    return d.min if d.law == "uniform" and np.isfinite(d.min) else None
-
-
-def _mistakes(d: Distribution) -> Iterator[str]:
-    """What each law needs."""
-    bounds = np.isfinite([d.min, d.max])
-    if not d.min < d.max:
-        yield f": min = {d.min:g} must lie below max = {d.max:g}"
-    if d.law in ("normal", "lognormal") and None in (d.mean, d.sd):
-        yield f": a {d.law} law needs mean and sd"
-    if d.law == "lognormal" and d.mean is not None and d.mean <= 0:
-        yield f".mean = {d.mean:g}: a lognormal law needs a positive mean"
-    if d.law == "uniform" and d.spread is None and not bounds.all():
-        yield ": a uniform law needs min and max, or spread"
-    if d.spread is not None and (d.law != "uniform" or bounds.any()):
-        yield ".spread: only for a uniform law, in place of min and max"
-    if d.law == "measured" and sum(d.min <= v <= d.max for v in d.values) < 2:
-        yield ": a measured law needs two values or more within min and max, in values or file"
-    if d.law != "measured" and (d.values or d.file):
-        yield ': values and file belong to law = "measured"'
 
 
 def _measured(d: Distribution, unit: str, folder: Path, where: str) -> tuple[float, ...]:

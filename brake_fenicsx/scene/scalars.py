@@ -3,34 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import chain
 from typing import Any
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.approaches import (
-    PERFECT,
-    active_terms,
-    one_friction,
-    slides,
-    turning_parts,
-    used_materials,
-)
-from brake_fenicsx.scene.parts_section import (
-    MORPH,
-    MaterialTable,
-    layers_of_thickness,
-    length_in_scene,
-    length_key,
-    morph_of,
-    moved_planes,
-    moved_sideways,
-)
-from brake_fenicsx.scene.samples_section import ENGINEERING, is_constant, split_key, unit_of
-from brake_fenicsx.scene.scene import Scene
-from brake_fenicsx.scene.units import to_si
 
-# Keys of a random or swept scalar that hold quantities of its unit.
-QUANTITIES = ("mean", "sd", "min", "max", "start", "stop", "values")
+from . import approaches
+from . import parts_section as parts
+from .samples_section import (
+    ENGINEERING,
+    Distribution,
+    Range,
+    is_constant,
+    quantities,
+    split_key,
+    unit_of,
+)
+from .scene import Scene
+from .units import to_si
 
 # Key of a scalar that belongs to no table of several.
 SPEED = "motion.speed"
@@ -38,7 +27,7 @@ SPEED = "motion.speed"
 
 def changes_bodies(scene: Scene, name: str) -> bool:
     """Whether a scalar, by its dotted key, enters the matrices of the bodies."""
-    if name == "motion.speed":
+    if name == SPEED:
         return bool(scene.damping and scene.damping.gyroscopic)
     return split_key(name)[0] in ("materials", "masses", "parts", "stability")
 
@@ -56,11 +45,11 @@ def is_inertia(name: str) -> bool:
 def written_value(scene: Scene, name: str) -> float:
     """Value of a scalar, by its dotted key, as the scene writes it, SI."""
     section, table, last = split_key(name)
-    if name == "motion.speed":
+    if name == SPEED:
         return 1.0 if scene.motion is None else scene.motion.rate
     if is_length(name):
-        part, last = length_key(name)
-        return length_in_scene(scene.parts[part], last)
+        part, last = parts.length_key(name)
+        return parts.length_in_scene(scene.parts[part], last)
     found = getattr(scene, section)
     for step in [*([table] if isinstance(found, dict) else table.split(".")), last]:
         if isinstance(found, tuple):
@@ -72,7 +61,7 @@ def written_value(scene: Scene, name: str) -> float:
 
 def si_unit(scene: Scene, name: str) -> str:
     """SI unit of a scalar in this scene, by its dotted key; empty for a plain number."""
-    if name != "motion.speed":
+    if name != SPEED:
         return unit_of(name)
     return "rad/s" if scene.motion is None or scene.motion.direction is None else "m/s"
 
@@ -88,15 +77,16 @@ def check_scalar(s: Scene, where: str, name: str) -> None:
     Raises:
         SceneError: the key and the remedy.
     """
-    for text in chain(_absent(s, name), _idle(s, name), _wrong_speeds(s, name)):
-        raise SceneError(f"{where}: {text}")
+    for rule in (_absent, _idle, _without_damping, _wrong_speeds):
+        for text in rule(s, name):
+            raise SceneError(f"{where}: {text}")
 
 
 def _absent(s: Scene, name: str) -> Iterator[str]:
     """Why a scalar is no number of the scene."""
     section, table, last = split_key(name)
     if section == "parts":
-        table, last = length_key(name)
+        table, last = parts.length_key(name)
     tables = getattr(s, section)
     if tables is None:
         yield f"there is no section [{section}]; write it"
@@ -114,7 +104,7 @@ def _absent(s: Scene, name: str) -> Iterator[str]:
         yield f"{name} is a table; write one number there"
 
 
-def _no_constant(material: MaterialTable, constant: str) -> Iterator[str]:
+def _no_constant(material: parts.MaterialTable, constant: str) -> Iterator[str]:
     """Why a constant is none of the material."""
     by_stiffness = material.E is None
     if constant[0] == "C":
@@ -127,72 +117,80 @@ def _no_constant(material: MaterialTable, constant: str) -> Iterator[str]:
         yield f"use one of {', '.join(ENGINEERING)}"
 
 
-def _no_length(s: Scene, part: str, name: str) -> Iterator[str]:
+def _no_length(s: Scene, name: str, length: str) -> Iterator[str]:
     """Why a length is none that may vary."""
-    morph, layers = morph_of(s.parts[part], name), layers_of_thickness(s.parts[part], name)
-    if name.startswith(MORPH) and morph is None:
-        yield f"there is no such table; there are {', '.join(s.parts[part].morph) or 'none'}"
-    elif morph is None and not (
-        layers or moved_planes(s.parts[part], name) or moved_sideways(s.parts[part], name)
-    ):
+    part = s.parts[name]
+    morph, layers = (
+        parts.morph_of(part, length),
+        parts.layers_of_thickness(part, length),
+    )
+    moves = (parts.moved_planes, parts.moved_sideways)
+    if length.startswith(parts.MORPH) and morph is None:
+        yield f"there is no such table; there are {', '.join(part.morph) or 'none'}"
+    elif not (morph or layers or any(move(part, length) for move in moves)):
         yield f"""is no thickness of a layer of this part, and as the scene is written moves no
             planes of it along z and no edges at right angles; run the scene once for each value,
-            with --set parts.{part}.{name}=VALUE"""
+            with --set parts.{name}.{length}=VALUE"""
     if s.damping and s.damping.modal:
         yield "stability.damping.modal is of bodies of one shape; name rayleigh or loss instead"
-    if layers and part in turning_parts(s) and s.motion and any(s.motion.turns_about[:2]):
+    turns = layers and name in approaches.turning_parts(s)
+    if turns and s.motion and any(s.motion.turns_about[:2]):
         yield "stability.damping.gyroscopic needs the axis z beside it; leave one of the two out"
 
 
 def _idle(s: Scene, name: str) -> Iterator[str]:
     """What a scalar acts on and the scene does not name, and the remedy."""
     section, table, last = split_key(name)
-    if name == "motion.speed" and not _speed_acts(s):
+    if name == SPEED and not _speed_acts(s):
         yield """nothing depends on the speed; name sliding, slope or gyroscopic in
             stability.damping, or write contact.NAME.friction = { static = .., kinetic = .., decay =
             .. }"""
-    if section == "contact" and not slides(s, table):
+    if section == "contact" and not approaches.slides(s, table):
         yield """the interface is stuck, and its friction moves no mode: it is a limit that is
             listed; leave it out, or write slip = "motion" """
-    if section == "materials" and last != "loss" and table not in used_materials(s):
+    if section == "materials" and last != "loss" and table not in approaches.used_materials(s):
         yield "no part is made of the material; leave it out"
-    if last == "loss" and not (s.damping and s.damping.loss and table in used_materials(s)):
-        yield """needs stability.damping = { loss = true, omega_ref = "2 kHz" } and a part of the
-            material"""
-    if is_inertia(name) and s.damping and s.damping.modal:
-        yield "stability.damping.modal is of bodies of one mass; name rayleigh or loss instead"
     if section == "masses" and s.parts[table.partition(".")[0]].matrices:
         yield "the mass is on a set of nodes, without an area: run the scene once for each value"
-    if section == "stability" and not (s.damping and s.damping.rayleigh):
+    if name == "samples.classical.penalty" and not approaches.PERFECT & {*s.samples.approaches}:
+        yield "no approach has perfect contact; add classical or parametric to samples.approaches"
+
+
+def _without_damping(s: Scene, name: str) -> Iterator[str]:
+    """Terms of the damping that a scalar needs, and those that do not allow it."""
+    section, table, last = split_key(name)
+    loss, modal, rayleigh = (
+        s.damping and getattr(s.damping, term) for term in ("loss", "modal", "rayleigh")
+    )
+    if last == "loss" and not (loss and table in approaches.used_materials(s)):
+        yield """needs stability.damping = { loss = true, omega_ref = "2 kHz" } and a part of the
+            material"""
+    if is_inertia(name) and modal:
+        yield "stability.damping.modal is of bodies of one mass; name rayleigh or loss instead"
+    if section == "stability" and not rayleigh:
         yield 'needs the scene\'s own values, stability.damping.rayleigh = ["20 1/s", "1e-8 s"]'
-    if name == "samples.classical.penalty" and not PERFECT & {*s.samples.approaches}:
-        yield ("no approach has perfect contact; add classical or parametric to samples.approaches")
 
 
 def _speed_acts(s: Scene) -> bool:
     """Whether friction or a term of the damping depends on the speed."""
     falls = any(
-        not isinstance(c.friction, float | int) for n, c in s.contact.items() if slides(s, n)
-    )
-    return any(
-        {"sliding", "slope", "gyroscopic"} & {*active_terms(s, a)}
-        or (falls and not one_friction(s, a))
+        approaches.depends_on_speed(approaches.friction_of(s, a, interface))
         for a in s.samples.approaches
+        for interface in s.contact
     )
+    terms = {term for a in s.samples.approaches for term in approaches.active_terms(s, a)}
+    return falls or not terms.isdisjoint(("sliding", "slope", "gyroscopic"))
 
 
 def _wrong_speeds(s: Scene, name: str) -> Iterator[str]:
     """Speeds without the unit of the scene's motion."""
-    for section, key in (("samples", "random"), ("sweep", "parameters")):
-        table: dict[str, Any] = s.table.get(section, {}).get(key, {}).get("motion.speed", {})
-        values = [v for k in QUANTITIES for v in _listed(table.get(k))]
-        values += [f"1 {table['unit']}"] if "unit" in table else []
-        for value in values if name == "motion.speed" else ():
+    kinds = (("samples", "random", Distribution), ("sweep", "parameters", Range))
+    for section, key, cls in kinds if name == SPEED else ():
+        table: dict[str, Any] = s.table.get(section, {}).get(key, {}).get(name, {})
+        held = [table[k] for k in quantities(cls) if k in table]
+        values = [v for inner in held for v in (inner if isinstance(inner, list) else [inner])]
+        for value in [*values, *([f"1 {table['unit']}"] if "unit" in table else [])]:
             try:
                 to_si(value, si_unit(s, name))
             except ValueError as error:
                 yield f"{value!r}: {error}"
-
-
-def _listed(value: Any) -> list[Any]:
-    return value if isinstance(value, list) else [] if value is None else [value]

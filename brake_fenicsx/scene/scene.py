@@ -10,24 +10,51 @@ assembled nor imported.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field, is_dataclass, make_dataclass
+from dataclasses import dataclass, is_dataclass, make_dataclass
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.extensions import Extensions, extras, load
-from brake_fenicsx.scene.bodies_section import AddedMass, Load, Motion, Spring, Tie, supports_type
-from brake_fenicsx.scene.contact_section import ContactTable
-from brake_fenicsx.scene.extensions_section import ExtensionsTable
-from brake_fenicsx.scene.keys import key
-from brake_fenicsx.scene.mesh_section import MeshTable
-from brake_fenicsx.scene.parts_section import MaterialTable, Part, parts_type
-from brake_fenicsx.scene.samples_section import Samples
-from brake_fenicsx.scene.stability_section import Damping, EquilibriumTable, Stability
-from brake_fenicsx.scene.surface_section import Micro, Surface
-from brake_fenicsx.scene.sweep_section import Sweep
+
+from .bodies_section import HELD, AddedMass, Held, Load, Motion, Spring, Tie
+from .contact_section import ContactTable
+from .keys import key
+from .parts_section import MaterialTable, MeshTable, Part, parts_type
+from .samples_section import Samples, Sweep
+from .stability_section import Damping, EquilibriumTable, Stability
+from .surface_section import Micro, Surface
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
+
+
+def _names() -> Any:
+    """Names -> "module:attribute", or a table with it under ``use`` beside arguments."""
+    return dict[str, str | dict[str, Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class ExtensionsTable:
+    """[extensions]: classes of installed packages ([developer_guide.md](developer_guide.md)).
+
+    Attributes:
+        contact: interface -> contact law, "module:Class" or a table with ``use = "module:Class"``
+            and the arguments of the class, in SI units.
+        friction: sliding interface -> friction law.
+        damping: any name -> damping term of the bodies.
+        random: dotted key of a random input -> its law.
+        builders: name for ``parts.NAME.builder`` -> dataclass of its parameters.
+        figures: name of a figure of the page -> function that draws it.
+        allow: code beside the scene may run; for the command line alone, ``--allow-extensions``.
+    """
+
+    contact: dict[str, Any] = key(default=dict, type=_names)
+    friction: dict[str, Any] = key(default=dict, type=_names)
+    damping: dict[str, Any] = key(default=dict, type=_names)
+    random: dict[str, Any] = key(default=dict, type=_names)
+    builders: dict[str, Any] = key(default=dict, type=_names)
+    figures: dict[str, Any] = key(default=dict, type=_names)
+    allow: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,26 +71,24 @@ class Scene:
     stages: tuple[str, ...] = key(default=(), choices=STAGES)
     surface: Surface | None = None
     micro: Micro | None = None
-    mesh: MeshTable = field(default_factory=MeshTable)
-    parts: dict[str, Part] = field(default_factory=dict, metadata={"type": parts_type})
-    materials: dict[str, MaterialTable] = field(default_factory=dict)
-    contact: dict[str, ContactTable] = field(default_factory=dict)
-    ties: dict[str, Tie] = field(default_factory=dict)
-    supports: dict[str, tuple[str, ...]] = field(
-        default_factory=dict, metadata={"type": supports_type}
-    )
-    springs: dict[str, Spring] = field(default_factory=dict)
-    masses: dict[str, AddedMass] = field(default_factory=dict)
-    loads: dict[str, Load] = field(default_factory=dict)
+    mesh: MeshTable = key(default=MeshTable)
+    parts: dict[str, Part] = key(default=dict, type=parts_type)
+    materials: dict[str, MaterialTable] = key(default=dict)
+    contact: dict[str, ContactTable] = key(default=dict)
+    ties: dict[str, Tie] = key(default=dict)
+    supports: dict[str, Held] = key(default=dict, write=HELD, rule=(bool, f"write {HELD}"))
+    springs: dict[str, Spring] = key(default=dict)
+    masses: dict[str, AddedMass] = key(default=dict)
+    loads: dict[str, Load] = key(default=dict)
     motion: Motion | None = None
-    equilibrium: EquilibriumTable = field(default_factory=EquilibriumTable)
+    equilibrium: EquilibriumTable = key(default=EquilibriumTable)
     stability: Stability | None = None
-    samples: Samples = field(default_factory=Samples)
+    samples: Samples = key(default=Samples)
     sweep: Sweep | None = None
     extensions: ExtensionsTable | None = None
-    file: Path = key(default=Path(), internal=True)  # noqa: RUF009
-    table: dict[str, Any] = field(default_factory=dict, metadata={"internal": True})
-    own: Extensions = field(default_factory=Extensions, metadata={"internal": True})
+    file: Path = key(default=Path, internal=True)
+    table: dict[str, Any] = key(default=dict, internal=True)
+    own: Extensions = key(default=Extensions, internal=True)
 
     @property
     def damping(self) -> Damping | None:
@@ -96,11 +121,9 @@ def scene_type(builders: tuple[tuple[str, Any], ...] = ()) -> type[Scene]:
     Args:
         builders: names and dataclasses of builders of a user's own.
     """
-    about = {"type": partial(parts_type, dict(builders))}
-    parts: Any = field(default_factory=dict, metadata=about)
+    parts = key(default=dict, type=partial(parts_type, dict(builders)))
     more: list[tuple[str, Any, Any]] = [("parts", dict[str, Part], parts)]
-    for key_, name in ((k, n) for extra in extras() for k, n in extra.sections.items()):
-        hint = load(name)
+    for name, hint in ((k, load(n)) for extra in extras() for k, n in extra.sections.items()):
         one = is_dataclass(hint)
-        more.append((key_, hint | None if one else hint, field(default=None if one else ())))
+        more.append((name, hint | None if one else hint, key(default=None if one else ())))
     return make_dataclass("Scene", more, bases=(Scene,), frozen=True, slots=True)

@@ -5,14 +5,13 @@ Signs and derivations of the damping terms are in ``stability.damping_matrices``
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
-from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.keys import below, between, key, rising_pair, shown
-from brake_fenicsx.scene.units import to_si
+from .keys import below, between, key, rising_pair
+from .units import to_si
 
 # Least and largest tolerance of Newton's iterations [-].
 NEWTON = (1e-13, 1e-3)
@@ -155,23 +154,3 @@ class Stability:
         if self.method == "reduced" and self.cutoff is not None and self.cutoff <= self.band[1]:
             yield f""".cutoff = {self.cutoff:g} Hz: must lie above the band's {self.band[1]:g} Hz;
                 raise it, or leave it out"""
-
-
-def check_modal_names(table: Mapping[str, Any]) -> None:
-    """Refuse a ratio that is written without its part.
-
-    Args:
-        table: the scene as it is written.
-
-    Raises:
-        SceneError: the key, its value, and the parts there are.
-    """
-    modal: Any = table
-    for name in (*WHERE.split("."), "modal"):
-        modal = modal.get(name) if isinstance(modal, dict) else None
-    for name, value in modal.items() if isinstance(modal, dict) else ():
-        if name in ("ratio", "frequency") and not isinstance(value, dict):
-            parts = table.get("parts")
-            known = ", ".join(parts) if isinstance(parts, dict) else "none"
-            raise SceneError(f"""{WHERE}.modal.{name} = {shown(value)}: {name!r} is no part; write
-                {WHERE}.modal.PART = {{ {name} = .. }}, PART one of {known}""")

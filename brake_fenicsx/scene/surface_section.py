@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from brake_fenicsx.scene.keys import between, key
-from brake_fenicsx.scene.units import MODULI
+from .keys import between, key
+from .units import MODULI
 
 MAX_PIXELS = 2048  # along a side of a patch
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from contextlib import suppress
 from difflib import SequenceMatcher
 from functools import cache
 from typing import Any
@@ -13,12 +14,11 @@ from brake_fenicsx.errors import SceneError
 DIMENSIONS = {
     "m": "length [mm]", "rad": "angle [deg]", "Pa": "pressure or modulus [MPa]",
     "N": "force [kN]", "N m": "moment [N m]", "kg/m^3": "density [kg/m^3]", "kg": "mass [kg]",
-    "kg m^2": "moment of inertia [kg mm^2]",
-    "N/m": "stiffness [kN/mm]", "N s/m": "damping [N s/m]",
-    "Pa/m": "contact stiffness [Pa/m]", "Hz": "frequency [Hz]",
+    "kg m^2": "moment of inertia [kg mm^2]", "N/m": "stiffness [kN/mm]",
+    "N s/m": "damping [N s/m]", "Pa/m": "contact stiffness [Pa/m]", "Hz": "frequency [Hz]",
     "rad/s": "angular speed [rad/s]", "m/s": "speed [m/s]", "1/m": "wave number [1/mm]",
-    "1/s": "rate [1/s]", "s": "time [us]",
-    "": "a number", "*": "number with the unit of that key [2 bar]",
+    "1/s": "rate [1/s]", "s": "time [us]", "": "a number",
+    "*": "number with the unit of that key [2 bar]",
 }  # fmt: skip
 MODULI = (1e6, 2e12)  # usual ones, rubber to diamond [Pa]
 
@@ -49,15 +49,15 @@ def to_si(value: Any, unit: str) -> float:
             return to_si(value, first)
         except ValueError:
             return to_si(value, second)
+    text = isinstance(value, str)
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"write {DIMENSIONS[unit]}")
-    if unit in ("", "*"):
-        if isinstance(value, str):
-            raise ValueError("write a plain number")
-    elif not isinstance(value, str) and value != 0:
+    if text and unit in ("", "*"):
+        raise ValueError("write a plain number")
+    if not text and value != 0 and unit not in ("", "*"):
         raise ValueError(f"the unit is missing; write {DIMENSIONS[unit]} as a string")
     try:
-        number = _quantity(value, unit) if isinstance(value, str) else float(value)
+        number = _quantity(value, unit) if text else float(value)
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
@@ -87,57 +87,48 @@ def _quantity(value: str, unit: str) -> float:
     """A number with a unit in SI."""
     import pint
 
+    wanted = DIMENSIONS[unit]
     if "," in value:
         raise ValueError("""a comma in a quantity; write the decimal point, "2.5 bar", and no other
             separator""")
+    text = f"not a quantity, write {wanted}"
     if re.match(r"\s*(?!nan\b|inf)[A-Za-z]", value):  # "GPa" would be 1 GPa
-        raise ValueError(f"not a quantity, write {DIMENSIONS[unit]}")
+        raise ValueError(text)
     try:
         quantity = _registry().Quantity(value)
         return _turns(quantity, unit) * float(quantity.to(_registry().Unit(unit)).magnitude)
-    except pint.DimensionalityError:
-        try:
-            float(value)
-        except ValueError:
-            pass
-        else:
-            raise ValueError(f"""no unit; write a {DIMENSIONS[unit].partition(" [")[0]} with its
-                unit, such as '{value.strip()} {usual_unit(unit)}'""") from None
-        raise ValueError(f"wrong unit; a {DIMENSIONS[unit]} is needed") from None
     except OverflowError:
         raise
+    except pint.DimensionalityError:
+        text = f"wrong unit; a {wanted} is needed"
+        with suppress(ValueError):
+            float(value)
+            text = f"""no unit; write a {wanted.partition(" [")[0]} with its unit, such as
+                '{value.strip()} {usual_unit(unit)}'"""
     except pint.UndefinedUnitError as error:
-        if not any(c.isdigit() for c in value):
-            raise ValueError(f"not a quantity, write {DIMENSIONS[unit]}") from None
         names = error.unit_names
         name = names if isinstance(names, str) else next(iter(names))
-        raise ValueError(f"unknown unit {name!r}; {_nearest(name, unit)}") from None
-    except Exception:
-        raise ValueError(f"not a quantity, write {DIMENSIONS[unit]}") from None
+        if any(c.isdigit() for c in value):
+            text = f"unknown unit {name!r}; {_nearest(name, unit)}"
+    except Exception:  # whatever pint's parser stumbles over
+        pass
+    raise ValueError(text)
 
 
 def _nearest(name: str, unit: str) -> str:
     """A unit of the quantity that is written almost so, or what to write."""
+    registry, factors = _registry(), " " in unit or "/" in unit
     symbols = {part for text in (unit, usual_unit(unit)) for part in re.split(r"[\s/^\d]+", text)}
     symbols |= {"m", "g", "s", "N", "Pa", "Hz", "bar", "rad", "deg"}
     known = {f"{p}{s}" for p in ("", "n", "u", "m", "c", "k", "M", "G") for s in symbols if s}
-    likeness = {k: SequenceMatcher(None, name, k).ratio() + (name.lower() == k.lower())
-                for k in sorted(known) if _suits(k, unit)}  # fmt: skip
-    best = max(likeness, key=likeness.__getitem__, default=None)
-    if best is None or likeness[best] < 0.6:
-        return f"write {DIMENSIONS[unit]}"
-    return f"did you mean {best!r}?"
-
-
-def _suits(name: str, unit: str) -> bool:
-    """Whether a unit is one of the wanted quantity, or may be a factor of it."""
-    import pint
-
-    try:
-        known = _registry().Unit(name)
-    except pint.UndefinedUnitError:
-        return False
-    return " " in unit or "/" in unit or known.is_compatible_with(_registry().Unit(unit))
+    likeness = {
+        k: SequenceMatcher(None, name, k).ratio() + (name.lower() == k.lower())
+        for k in sorted(known)
+        if k in registry and (factors or registry.Unit(k).is_compatible_with(registry.Unit(unit)))
+    }
+    best = max(likeness, key=likeness.__getitem__, default="")
+    like = likeness.get(best, 0.0) >= 0.6
+    return f"did you mean {best!r}?" if like else f"write {DIMENSIONS[unit]}"
 
 
 def usual_unit(unit: str) -> str:

@@ -8,13 +8,14 @@ from statistics import NormalDist
 from typing import Any
 
 from brake_fenicsx.errors import one_line
-from brake_fenicsx.scene.bodies_section import Load
-from brake_fenicsx.scene.contact_section import ContactTable
-from brake_fenicsx.scene.keys import dotted, walk
-from brake_fenicsx.scene.parts_section import MaterialTable, part_lengths
-from brake_fenicsx.scene.samples_section import Classical, Distribution, split_key
-from brake_fenicsx.scene.scene import Scene
-from brake_fenicsx.scene.units import MODULI, quantity_text, with_unit
+
+from .bodies_section import Load
+from .contact_section import ContactTable
+from .keys import dotted, walk
+from .parts_section import MaterialTable, longest_length
+from .samples_section import Classical, Distribution, split_key
+from .scene import Scene
+from .units import MODULI, quantity_text, with_unit
 
 METAL_DENSITY, METAL_MODULUS = 4000.0, 5e9  # kg/m^3, Pa: above the one, below the other is no metal
 CUT = 0.01  # share of a normal law below zero that is worth a warning
@@ -85,7 +86,7 @@ def _lengths(scene: Scene) -> Iterator[str]:
     band = {"unit": "m", "band": LENGTHS}
     for name, part in scene.parts.items():
         if part.parameters is not None:
-            key, length = max(part_lengths(part.parameters).items(), key=lambda item: item[1])
+            key, length = longest_length(part.parameters)
             yield from _outside(("parts", name, key), band, length)
 
 

@@ -17,7 +17,7 @@ from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.meshing.groups import mesh_of_file
 from brake_fenicsx.meshing.meshfile import read_mesh_file
 from brake_fenicsx.meshing.quality import orientation
-from brake_fenicsx.scene.mesh_section import MeshTable
+from brake_fenicsx.scene.parts_section import MeshTable
 
 GROUPS = {
     "pad_body": "pad.lining", "plate_body": "plate.body", "pad_bottom": "pad.friction",
