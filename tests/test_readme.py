@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from brake_fenicsx.cli import main
-from brake_fenicsx.parser import parser
+from brake_fenicsx.commands import parser
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()

@@ -45,7 +45,7 @@ from .box import Box, softening
 from .brake import Brake
 from .damping_terms import damping_slope, mass_share, stiffness_share
 from .interfaces import scene_motion
-from .lengths import Shape, Shapes, lengths_in, shapes_of
+from .lengths import MovingContact, Shape, Shapes, lengths_in, shapes_of
 from .material_table import (
     STIFFNESSES,
     by_material,
@@ -54,7 +54,6 @@ from .material_table import (
     stiffness,
     varied_stiffness,
 )
-from .moving_contact import MovingContact
 from .values import Values
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ where they are asked for, which a sample of the reduced model does not.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -15,14 +16,23 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.contact_elements import Contact
+from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.layer_mass import layer_masses
-from brake_fenicsx.macro.sliding_friction import SlidingFriction
+from brake_fenicsx.macro.material import Material
+from brake_fenicsx.macro.sliding_friction import Rotation, SlidingFriction
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.scalars import changes_bodies
+from brake_fenicsx.scene.approaches import turning_parts
+from brake_fenicsx.scene.scalars import SPEED, changes_bodies
+from brake_fenicsx.stability.damping_matrices import gyroscopic
+from brake_fenicsx.stability.derivatives import bilinear
+from brake_fenicsx.stability.modes import Complex
 
 from .brake import Brake
 from .changes import ChangingBodies, assemble_changes
-from .damping_terms import Terms, damping_terms
+from .damping_terms import Terms, damping_terms, mass_share, stiffness_share
+from .interfaces import scene_motion
+from .lengths import lengths_in
+from .material_table import layer_materials, material_of
 from .values import Values
 
 Array = NDArray[np.float64]
@@ -159,3 +169,55 @@ class BrakeAt:
         """Factors of slip rates that the damping of the scene names; see there."""
         terms = self.reference.terms or Terms()
         return friction.rates(p, terms.turns, terms.falls)
+
+
+def layer_derivatives(
+    brake: BrakeAt, s: Complex, vectors: tuple[Complex, ...]
+) -> dict[tuple[str, str], Complex]:
+    """Derivatives of lambda to the stiffness, mass and loss factor of each layer.
+
+    Args:
+        brake: of the sample.
+        s: eigenvalues lambda [1/s], shape (modes,).
+        vectors: right and left ones, shape (dofs, modes), and psi^H P'(lambda) phi.
+
+    Returns:
+        (layer, "stiffness", "mass" or "loss factor") -> d lambda / d ln E, / d ln rho with the
+        damping that follows them, and / d eta at the reference [1/s], shape (modes,).
+    """
+    values, out = brake.values, dict[tuple[str, str], Complex]()
+    scene, table = values.scene, values.scene.damping
+    frequency = table.reference if table and table.loss else abs(s.imag)
+    alpha, faster = mass_share(scene, values), values.ratio(SPEED)
+    own = {
+        name: Material(values.stiffness(name), t.rho * values.ratio(f"materials.{name}.rho"))
+        for name, t in scene.materials.items()
+    }
+    for name, material in layer_materials(scene, brake.reference.mesh.layers, own).items():
+        stiffness, mass, turning = (
+            0.0 if A is None else bilinear(A, *vectors) for A in _matrices(brake, name, material)
+        )
+        share = stiffness_share(scene, material_of(scene, name), values)
+        out[name, "stiffness"] = (1 + s * share) * stiffness
+        out[name, "mass"] = s * (s + alpha) * mass + s * faster * turning
+        out[name, "loss factor"] = s / frequency * stiffness
+    return out
+
+
+def _matrices(
+    brake: BrakeAt, layer: str, material: Material
+) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix | None]:
+    """Stiffness [N/m], mass [kg] and gyroscopic term [N s/m] of a layer, where it turns."""
+    scene, mesh, free = brake.values.scene, brake.reference.mesh, brake.reference.elastic.free
+    density, motion, changes = {layer: material.rho}, scene_motion(scene), brake.reference.changes
+    with ExitStack() as lengths:
+        for names, shape in changes.shapes.items() if changes else ():
+            if layer in shape.layers:
+                lengths.enter_context(shape.applied(mesh, lengths_in(names, shape, brake.values)))
+        (K,) = affine_parts(mesh, free, [{layer: material.C}])
+        M = layer_masses(mesh, free, density, scene.mesh.mass == "lumped")[layer]
+        G = None
+        if layer.partition(".")[0] in turning_parts(scene) and isinstance(motion, Rotation):
+            G = gyroscopic(mesh, free, density, motion)
+    K.eliminate_zeros()
+    return K, M, G

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.build.brake import Brake
@@ -16,13 +17,13 @@ from brake_fenicsx.build.parametric import ParametricBrake, parametric_brake
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.macro.condensation import Compliance, UnitLoads, compliance
+from brake_fenicsx.macro.condensation import Compliance, Solves, UnitLoads, compliance
 from brake_fenicsx.macro.equilibrium import Condensed
 from brake_fenicsx.scene import Scene, Stability
 from brake_fenicsx.scene.digest import bodies_key
 
-from .coordinates import SHAPES, FamilyCoordinates, layer_grams, reference_shapes
 from .numbering import FILE as DOFS
 from .numbering import Numbering
 from .reduced_models import ReducedModels
@@ -121,3 +122,110 @@ def _reduced_loads(model: ReducedModel, brake: ParametricBrake, k0: Array) -> Un
         unit = Condensed(Compliance(None, k0, NN, NT, Nf, 0.0), brake.w, none, 0.0)
         carried.append(-float(np.sum(brake.w * k0 * unit.linear(1.0, none, k0))))
     return UnitLoads(Compliance(None, k0, NN, NT, gaps.sum(axis=1)), gaps, np.array(carried))
+
+
+Array = NDArray[np.float64]
+
+SHAPES = "cache/shapes.npz"
+LAYERS = "cache/layers.npz"
+
+# Real modes up to this multiple of the band tell modes apart where there is no reduced model.
+FAMILIES = 1.3
+
+
+class FamilyCoordinates:
+    """Coordinates of modes of any sample of a study.
+
+    Attributes:
+        grams: mass of each layer between the kept modes of the reduced models, shape (kept modes,
+            kept modes); none at full order.
+    """
+
+    def __init__(
+        self, brake: ParametricBrake, model: ReducedModel | None, shapes: Array | None,
+        grams: dict[str, Array] | None = None,
+    ):  # fmt: skip
+        """Take the coordinates of a reduced model, or of shapes.
+
+        Args:
+            brake: the brake.
+            model: a reduced model of it.
+            shapes: real modes, shape (dofs, modes).
+            grams: see above.
+        """
+        self._brake, self._model, self._shapes = brake, model, shapes
+        self.grams = grams or {}
+
+    def of(self, u: NDArray[Any]) -> NDArray[Any] | None:
+        """Coordinates of displacements, shape (dofs, columns); None without any."""
+        if self._model is not None:
+            return self._model.coordinates(self._brake.central_mass, u)
+        return None if self._shapes is None else self._shapes.T @ (self._brake.M @ u)
+
+    def displacements(self, coordinates: NDArray[Any]) -> NDArray[Any]:
+        """Displacements of modes by their coordinates alone.
+
+        Args:
+            coordinates: shape (coordinates, columns).
+
+        Returns:
+            Shape (dofs, columns).
+        """
+        if self._model is not None:
+            return self._model.kept_displacements(coordinates)
+        if self._shapes is None:
+            raise ValueError("families have no coordinates")
+        return np.asarray(self._shapes @ coordinates)
+
+
+def layer_grams(
+    model: ReducedModel, masses: Callable[[], dict[str, sp.csr_matrix]], mark: str, store: Store,
+    comm: MPI.Comm,
+) -> dict[str, Array]:  # fmt: skip
+    """Layers' masses of the kept modes, from the folder where they are there; collective.
+
+    Args:
+        model: the reduced model.
+        masses: gives the mass of each layer [kg].
+        mark: tells the mesh.
+        store: the results folder.
+        comm: processes of the run.
+    """
+    mark = f"{mark} {model.bodies[-1].modes.stop}"
+
+    def make() -> dict[str, Array]:
+        stored = store.load(LAYERS) or {}
+        if str(stored.pop("mark", "")) == mark:
+            return {key.removeprefix("of_"): gram for key, gram in stored.items()}
+        made = {name: model.coordinates(A) for name, A in masses().items()}
+        named = {f"of_{name}": gram for name, gram in made.items()}
+        store.save(LAYERS, mark=np.array(mark), **named)
+        return made
+
+    return on_first(make, comm)
+
+
+def reference_shapes(
+    factor: Solves, M: sp.csr_matrix, end: float, store: Store, comm: MPI.Comm
+) -> Array:
+    """Real modes of the reference that families are followed in, shape (dofs, modes); collective.
+
+    They are kept: an eigensolver may return them with other signs.
+
+    Args:
+        factor: of the reference stiffness.
+        M: mass [kg].
+        end: of the band [Hz].
+        store: the results folder.
+        comm: processes of the run.
+    """
+    from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
+
+    def make() -> Array:
+        if (stored := store.load(SHAPES)) is not None:
+            return np.asarray(stored["shapes"])
+        shapes = lowest_modes(factor, M, (2 * np.pi * FAMILIES * end) ** 2).Phi
+        store.save(SHAPES, shapes=shapes)
+        return shapes
+
+    return np.asarray(on_first(make, comm))

@@ -11,9 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.build.distributions import quantile
 from brake_fenicsx.build.material_table import nominal_value, stiffness
-from brake_fenicsx.build.values import Values
+from brake_fenicsx.build.values import Values, quantile
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.material import engineering_constants

@@ -122,7 +122,7 @@ class Study:
         if models.stability is not None and models.stability.drivers:
             from .drivers import Drivers
 
-            self.drivers = Drivers(self.scene, models, self.equilibria)
+            self.drivers = Drivers(self.equilibria)
         if models.stability is not None:
             works = beside_samples(self.scene)
             self.beside = {what: load(name)(self.scene, models) for what, name in works.items()}

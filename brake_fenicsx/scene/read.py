@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.arguments import of_kind
-from brake_fenicsx.endings import MESH_FILES
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.extensions import load, named
+from brake_fenicsx.extensions import MESH_FILES, load, named
 from brake_fenicsx.scene.contact_section import with_table
 from brake_fenicsx.scene.keys import contradictions, dotted, key_parts, read_table, shown
 from brake_fenicsx.scene.objects import own_objects, with_objects
