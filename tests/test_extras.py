@@ -23,14 +23,14 @@ def fails(*_, **__):
 # Two runs, in each of which some of these fail: what is replaced, and how the page names it.
 BROKEN = (
     {
-        "brake_fenicsx.samples.drivers.Drivers.of": "drivers left out",
+        "brake_fenicsx.extras.limit_cycle.cycles.Cycles.of": "limit cycles left out",
         "brake_fenicsx.report.fields.write_facets": "fields of the equilibria left out",
         "brake_fenicsx.report.render.render_mode": "picture of the mode at",
         "brake_fenicsx.report.figure_inputs.contact_maps": "maps of the contact left out",
         "brake_fenicsx.samples.solve.full_modes": "",  # of the verification
     },
     {
-        "brake_fenicsx.extras.limit_cycle.cycles.Cycles.of": "limit cycles left out",
+        "brake_fenicsx.samples.drivers.Drivers.of": "drivers left out",
         "brake_fenicsx.stability.substructures.reduced_model.ReducedModel"
         ".displacements_of_samples": "shapes of modes left out",
         "brake_fenicsx.pipeline.draw_mesh": "picture of the mesh left out",

@@ -161,15 +161,17 @@ class ChangingBodies:
             out[1, j] = change * term.share(here)
         return out
 
-    def change(self, values: Mapping[str, float], which: str) -> sp.csr_matrix:
-        """What some scalars add to a matrix of the scene.
+    def change(self, values: Mapping[str, float], which: str) -> sp.csr_matrix | None:
+        """What some scalars add to a matrix of the scene; None where none enters a matrix.
 
         Args:
             values: by dotted key, SI.
             which: "K" [N/m], "C" [N s/m] or "M" [kg].
         """
-        parts = [*zip(self.coefficients(values)[ROWS.index(which)], self.matrices, strict=True)]
-        return sum((c * part for c, part in parts if c), sp.csr_matrix(parts[0][1].shape))
+        if not self.terms:
+            return None
+        parts = zip(self.coefficients(values)[ROWS.index(which)], self.matrices, strict=True)
+        return sum((c * A for c, A in parts if c), sp.csr_matrix(self.matrices[0].shape))
 
 
 def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:

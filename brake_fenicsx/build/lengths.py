@@ -65,19 +65,8 @@ def shapes_of(scene: Scene, mesh: Mesh, ranges: Mapping[str, tuple[float, float]
     Raises:
         SceneError: a layer cannot be stretched by itself, or is folded; or a face in use changes.
     """
-    moves, groups = dict[str, Array | None](), list[tuple[set[str], list[str]]]()
-    for name in ranges:
-        part, key = length_key(name)
-        v = moves[name] = movement(scene, plain(mesh), name)
-        layers = {f"{part}.{layer}" for layer in layers_of_thickness(scene.parts[part], key)}
-        if v is not None and not layers:
-            layers = {*deformed_layers(mesh, v)}
-        shared = [group for group in groups if group[0] & layers]
-        groups = [group for group in groups if group not in shared]
-        names = [other for group in shared for other in group[1]]
-        groups.append((layers.union(*(group[0] for group in shared)), [*names, name]))
-    found: Shapes = {}
-    for layers, names in groups:
+    found, moves = Shapes(), {name: movement(scene, plain(mesh), name) for name in ranges}
+    for layers, names in _groups(scene, mesh, moves):
         part, key = length_key(names[0])
         faces, usual = faces_by_area(scene, part), [written_value(scene, name) for name in names]
         if len(names) == 1 and layers_of_thickness(scene.parts[part], key):
@@ -95,6 +84,23 @@ def shapes_of(scene: Scene, mesh: Mesh, ranges: Mapping[str, tuple[float, float]
             every.append(Move(name, length, ranges[name], v))
         found[tuple(names)] = moving(mesh, mesh_settings(scene), every, faces)
     return found
+
+
+def _groups(
+    scene: Scene, mesh: Mesh, moves: Mapping[str, Array | None]
+) -> list[tuple[set[str], list[str]]]:
+    """Layers with the lengths that change them, all lengths of a layer together."""
+    groups = list[tuple[set[str], list[str]]]()
+    for name, v in moves.items():
+        part, key = length_key(name)
+        layers = {f"{part}.{layer}" for layer in layers_of_thickness(scene.parts[part], key)}
+        if v is not None and not layers:
+            layers = {*deformed_layers(mesh, v)}
+        shared = [group for group in groups if group[0] & layers]
+        groups = [group for group in groups if group not in shared]
+        names = [other for group in shared for other in group[1]]
+        groups.append((layers.union(*(group[0] for group in shared)), [*names, name]))
+    return groups
 
 
 def movement(scene: Scene, raw: RawMesh, name: str) -> Array | None:

@@ -204,8 +204,7 @@ class _Table:
         """Stiffness, mass and loss factor of each layer, and thicknesses that vary."""
         for (layer, kind), value in layer_derivatives(self.sample.brake, s, vectors).items():
             self._add(layer, kind, value, LOSS_STEP if kind == "loss factor" else STEP)
-        changes = self.sample.brake.reference.changes
-        for name in filter(is_length, () if changes is None else changes.box.names):
+        for name in filter(is_length, self.sample.brake.reference.changes.box.names):
             self._add(name, "length", self._length(name, s, vectors))
 
     def _length(self, name: str, s: Complex, vectors: tuple[Complex, ...]) -> Complex:

@@ -201,42 +201,6 @@ MANY = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("terms", ["rayleigh=['20 1/s','1e-8 s'], loss=true, omega_ref='8 kHz'",
-                                   "sliding=true, slope=true"])  # fmt: skip
-def test_damped_samples_of_the_reduced_model_are_those_of_full_order(terms, comm, tmp_path):
-    """Damping of the bodies and of sliding, sample by sample; counted, within their errors."""
-    folder = comm.bcast(tmp_path if comm.rank == 0 else None, root=0)
-    damping = [f"stability.damping={{ {terms} }}", *([FACTOR] if "loss" in terms else [])]
-    for method in ("reduced", "full"):
-        run(BLOCK, comm, folder / method, [*MANY, *damping, f"stability.method={method}"])
-    summary = json.loads((folder / "reduced" / "summary.json").read_text())
-    assert summary["damped_model"]["complete_up_to_hz"] > 20e3
-    assert not (folder / "reduced" / "cache" / "undamped.npz").exists()
-    for k in range(2):
-        s, t = (stored_eigenvalues(folder / method, sample=k)[0] for method in ("reduced", "full"))
-        np.testing.assert_allclose(s, t, rtol=2e-6)
-        assert s.size >= 5
-        data = np.load(folder / "reduced" / "samples" / f"multi-scale-{k:05d}.npz")
-        assert "zeros of T(z)" in str(data["counted"])
-        assert np.all(np.abs(s - t) <= data["error"] + 1e-6 * np.abs(t))
-
-
-def test_undamped_approach_beside_a_damped_one(tmp_path):
-    """Falling friction acts in rough samples alone: both reduced models, each for its own."""
-    both = ["stability.damping.slope=true", "stability.method=reduced", "samples.n=2"]
-    names = ["samples.approaches=['multi-scale','parametric']",
-             "samples.parametric={ n=4, design='random' }",
-             "samples.classical.friction=0.5"]  # fmt: skip
-    random = (
-        "samples.random.\"loads.block.top.pressure\"={ law='uniform', min='2 bar', max='9 bar' }"
-    )
-    run(BLOCK, SELF, tmp_path, [*MANY, *both, *names, random])
-    for name in ("damped", "undamped"):
-        assert (tmp_path / "cache" / f"{name}.npz").exists()
-    table = text_rows(tmp_path / "modes.csv")
-    assert {r["approach"] for r in table} == {"multi-scale", "parametric"}
-
-
 @pytest.mark.slow
 def test_damping_too_strong_for_the_reduced_model_goes_to_full_order_if_asked(tmp_path):
     """Its own decay lies within the band: refused with the remedy, never solved in silence."""
