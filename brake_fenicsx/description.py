@@ -59,7 +59,7 @@ def describe(
     told, noted, samples, side = list[str](), list[str](), dict[str, int](), None
     if "equilibrium" in parsed.stages:
         from brake_fenicsx.build.brake import assemble_brake
-        from brake_fenicsx.build.doubts import brake_doubts
+        from brake_fenicsx.build.brake_doubts import brake_doubts
         from brake_fenicsx.build.inventory import interfaces_of, inventory_lines, parts_of
         from brake_fenicsx.samples.sampling import sample_count
 

@@ -216,7 +216,7 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
 def brake_stage(this: Run) -> Brake:
     """Operators of the brake; the side of the mean contact element where laws are to have it."""
     from brake_fenicsx.build.brake import assemble_brake
-    from brake_fenicsx.build.doubts import brake_doubts
+    from brake_fenicsx.build.brake_doubts import brake_doubts
 
     with this.stage("brake"):
         brake = assemble_brake(this.scene, this.comm)

@@ -65,7 +65,8 @@ def shapes_of(scene: Scene, mesh: Mesh, ranges: Mapping[str, tuple[float, float]
     Raises:
         SceneError: a layer cannot be stretched by itself, or is folded; or a face in use changes.
     """
-    found, moves = Shapes(), {name: movement(scene, plain(mesh), name) for name in ranges}
+    found: Shapes = {}
+    moves = {name: movement(scene, plain(mesh), name) for name in ranges}
     for layers, names in _groups(scene, mesh, moves):
         part, key = length_key(names[0])
         faces, usual = faces_by_area(scene, part), [written_value(scene, name) for name in names]

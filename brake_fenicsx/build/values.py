@@ -2,6 +2,10 @@
 
 All that differs from the scene in a sample follows from one mapping, dotted key -> SI value: the
 stiffness of its materials, its lengths, masses and loads, its friction.
+
+Laws of random inputs give values by their quantiles, from a point of the unit interval. Cutting at
+min and max shrinks the interval of probabilities, so that no point is wasted and a design keeps its
+structure.
 """
 
 from __future__ import annotations
@@ -102,9 +106,6 @@ class Values(dict[str, float]):
             table = self.scene.materials[material]
             with located(f"materials.{material}"):
                 Material(varied_stiffness(table, constants), table.rho)
-
-
-Array = NDArray[np.float64]
 
 
 def quantile(d: Distribution | InputLaw, u: ArrayLike, nominal: float = np.nan) -> Array:

@@ -141,7 +141,8 @@ class _Table:
         if whole is not None:
             whole_motions = self._whole_motions(s, whole)
             motions = motions if self.reduced else whole_motions
-        d, maps = contact_derivatives(motions, contact, sample.friction.mu, w), _Arrays()
+        d = contact_derivatives(motions, contact, sample.friction.mu, w)
+        maps: _Arrays = {}
         self._contact(d)
         if whole is not None:
             self._bodies(s, (*whole, whole_motions.slope))

@@ -12,8 +12,8 @@ import scipy.sparse as sp
 
 from brake_fenicsx.build import brake as brake_module
 from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.brake_doubts import placement_doubts
 from brake_fenicsx.build.damping_terms import damping_terms
-from brake_fenicsx.build.doubts import placement_doubts
 from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.build.scene_mesh import scene_mesh
 from brake_fenicsx.errors import SceneError
