@@ -55,7 +55,7 @@ def remarks(scene: Scene, comm: MPI.Comm) -> list[str]:
     """What is right and still may surprise: a line each, on the first process."""
     if comm.rank or "equilibrium" not in scene.stages:
         return []
-    from brake_fenicsx.build.part_builders import cut_loads
+    from brake_fenicsx.build.scene_mesh import cut_loads
 
     return [*cut_loads(scene), *_undamped(scene, True)]
 

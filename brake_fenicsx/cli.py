@@ -20,9 +20,9 @@ try:
     from collections.abc import Sequence
     from typing import TYPE_CHECKING, Any
 
+    from brake_fenicsx.commands import parser
     from brake_fenicsx.errors import BrakeError, SceneError, StorageError
     from brake_fenicsx.folder.termination import STATUS, Terminated, watching
-    from brake_fenicsx.parser import parser
 except KeyboardInterrupt:
     # Ctrl-C in the first moments; no other module is sure to be there.
     os.write(2, f"{INTERRUPTED}\n".encode())
@@ -45,14 +45,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(words: list[str]) -> int:
     """Run the command line; what went wrong is one line and a status."""
-    given = words[words.index("--") + 1 :] if "--" in words else []
+    end = words.index("--") if "--" in words else len(words)
     comm: Any = None
     verbose = False
     try:
         options, mistake = None, None
         try:
             # Before MPI starts, which takes longer.
-            options = parser().parse_args(words[: words.index("--")] if "--" in words else words)
+            options = parser().parse_args(words[:end])
         except SceneError as error:
             mistake = error
         from mpi4py import MPI
@@ -61,7 +61,7 @@ def _main(words: list[str]) -> int:
         if options is None:
             raise mistake or SceneError("no command")
         verbose = options.verbose
-        _run(options, given, comm)
+        _run(options, words[end + 1 :], comm)
         sys.stdout.flush()
     except BrakeError as error:
         status = _end(comm, verbose, str(error), 2 if isinstance(error, SceneError) else 1)
@@ -85,16 +85,20 @@ def _main(words: list[str]) -> int:
         # One process that dies alone would leave the others waiting for ever.
         alone = comm is None or comm.size == 1
         if isinstance(error, OSError) and error.strerror:
-            message = f"{error.filename or 'the output'}: {error.strerror}"
-            if not error.filename:
-                _discard_output()
-            status = _end(comm if alone else None, verbose, message, 1)
+            status = _end(comm if alone else None, verbose, _system_error(error), 1)
             return status if alone else comm.Abort(status)
         if not alone and not isinstance(error, SystemExit):
             traceback.print_exc()
             comm.Abort(1)
         raise
     return 0
+
+
+def _system_error(error: OSError) -> str:
+    """What the system refuses, and of which file."""
+    if not error.filename:
+        _discard_output()
+    return f"{error.filename or 'the output'}: {error.strerror}"
 
 
 def _discard_output() -> None:

@@ -55,48 +55,37 @@ def describe(
     parsed = read_scene(scene, overrides)
     stats = check(parsed, comm)
     lines = [f"{parsed.file}: stages {', '.join(parsed.stages)}", *_scan_lines(stats)]
-    sizes: dict[str, Any] = {}
     built: dict[str, Any] = {}
-    told: list[str] = []
-    doubts: list[str] = []
-    samples: dict[str, int] = {}
-    side = None
+    told, noted, samples, side = list[str](), list[str](), dict[str, int](), None
     if "equilibrium" in parsed.stages:
         from brake_fenicsx.build.brake import assemble_brake
-        from brake_fenicsx.build.inventory import (
-            brake_doubts,
-            interfaces_of,
-            inventory_lines,
-            parts_of,
-        )
+        from brake_fenicsx.build.brake_doubts import brake_doubts
+        from brake_fenicsx.build.inventory import interfaces_of, inventory_lines, parts_of
         from brake_fenicsx.samples.sampling import sample_count
 
         brake = assemble_brake(parsed, comm)
-        sizes, doubts = brake.size(), brake_doubts(parsed, brake)
-        told = remarks(parsed, comm)
-        built = {
-            "mesh_sha256": brake.mesh.digest,
-            "parts": parts_of(parsed, brake),
-            "contact": interfaces_of(parsed, brake),
-        }
-        side = 1e-3 * sizes["mean_patch_mm"]
+        noted, told = brake_doubts(parsed, brake), remarks(parsed, comm)
+        parts, interfaces = parts_of(parsed, brake), interfaces_of(parsed, brake)
+        built = {**brake.size(), "mesh_sha256": brake.mesh.digest, "parts": parts}
+        side = 1e-3 * float(built["mean_patch_mm"])
         parsed = with_patch(parsed, side)
         samples = {name: sample_count(parsed, name) for name in parsed.samples.approaches}
         lines.append(
-            f"brake: {sizes['cells']} cells, {sizes['dofs']} free dofs,"
-            f" {sizes['contact_elements']} contact elements"
-            f" with a mean side of {sizes['mean_patch_mm']:.3f} mm"
+            "brake: {cells} cells, {dofs} free dofs, {contact_elements} contact elements"
+            " with a mean side of {mean_patch_mm:.3f} mm".format(**built)
         )
-        lines += [*inventory_lines(parsed, brake), *told, *_sample_lines(parsed, samples)]
+        built["contact"] = interfaces
+        lines += [*inventory_lines(parsed, parts, interfaces), *told]
+        lines += _sample_lines(parsed, samples)
     parsed = with_pixels(parsed, stats)
     lines += _law_lines(parsed, side)
-    size = sizes.get("dofs", 0), sizes.get("contact_elements", 0)
+    size = built.get("dofs", 0), built.get("contact_elements", 0)
     memory = run_sizes(parsed, samples, *size)
     seconds = calibrated_seconds(parsed, samples, *size, work_of_a_second())
-    noted = [*doubts, *warnings(parsed, side), *surface_warnings(parsed, stats)]
+    noted += [*warnings(parsed, side), *surface_warnings(parsed, stats)]
     if as_json:
         content = {
-            "scene": str(parsed.file), "stages": parsed.stages, **sizes, **built,
+            "scene": str(parsed.file), "stages": parsed.stages, **built,
             "samples": samples, "remarks": told, "warnings": noted,
             "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
             "gigabytes_of_a_share": round(memory.share, 3),

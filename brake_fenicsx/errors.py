@@ -1,6 +1,7 @@
 """The named errors of the program: text = what, where, value, remedy, in one line."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Any
 
@@ -50,3 +51,17 @@ class InaccurateResult(BrakeError, RuntimeError):
 
 class Separated(NotConverged):
     """No equilibrium: the loads leave a part without contact and without support."""
+
+
+@contextmanager
+def located(where: object, kind: type[Exception] = SceneError) -> Iterator[None]:
+    """Name the place of a mistake: errors raised within become ``SceneError("where: text")``.
+
+    Args:
+        where: file, section or key, that stands before the text of the error.
+        kind: of these errors.
+    """
+    try:
+        yield
+    except kind as error:
+        raise SceneError(f"{where}: {error}") from None

@@ -35,6 +35,11 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 GROUP, OWN = "brake_fenicsx.extras", "brake_fenicsx.extensions"
+# Endings of mesh files of which init writes a first scene.
+MESH_FILES = frozenset({
+    ".inp", ".cdb", ".bdf", ".nas", ".fem", ".msh", ".med", ".vtu", ".vtk", ".exo", ".e", ".mesh",
+    ".cgns", ".mdpa", ".xdmf",
+})  # fmt: skip
 # What the extras of this program answer to, for who has the core alone.
 OURS = {
     "decks": (".inp", ".cdb", ".bdf", ".nas", ".fem", "init", "matrices"),

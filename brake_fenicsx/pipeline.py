@@ -9,7 +9,6 @@ from __future__ import annotations
 import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -28,7 +27,7 @@ from brake_fenicsx.checks import (
     with_pixels,
 )
 from brake_fenicsx.costs import earlier_run
-from brake_fenicsx.errors import BrakeError, SceneError
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import load, named
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.lock import Share
@@ -39,7 +38,7 @@ from brake_fenicsx.results.versions import differences, versions
 from brake_fenicsx.scene import STAGES, read_scene
 from brake_fenicsx.scene.approaches import friction_texts, listed
 from brake_fenicsx.scene.digest import in_effect, result_digest
-from brake_fenicsx.stages import Run, note_warnings
+from brake_fenicsx.stages import Run
 
 if TYPE_CHECKING:
     from brake_fenicsx.build.brake import Brake
@@ -47,6 +46,7 @@ if TYPE_CHECKING:
     from brake_fenicsx.results.run import RunData
     from brake_fenicsx.samples.study import Study
     from brake_fenicsx.surface import SurfaceStatistics
+    from brake_fenicsx.sweeps.sweep_study import SweepStudy
 
 DRAWING = 4  # processes that draw figures: each reads all results
 
@@ -127,13 +127,13 @@ def run(
         logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
         for text in remarks(parsed, comm):
             logger.info("%s", text)
-        note_warnings(this, [*warnings(parsed), *_made_otherwise(store)])
+        this.warn([*warnings(parsed), *_made_otherwise(store)])
         _finish(this, stats, new)
     finally:
         if store.lock is not None:
             store.lock.leave()
     if this.whole:
-        refuse_if_all_failed(this)
+        this.refuse_if_all_failed()
     logger.info("%s", this.ending())
     return this
 
@@ -159,21 +159,7 @@ def _finish(this: Run, stats: SurfaceStatistics | None, new: bool) -> None:
         with this.stage("report"):
             report(store.directory, comm, this.pictures, this.scene.own.figures)
         if comm.rank == 0:
-            write_summary(this)
-
-
-def refuse_if_all_failed(this: Run) -> None:
-    """A run without a single good sample is no result, whatever page it has; collective.
-
-    Raises:
-        BrakeError: how many failed, and where their errors are.
-    """
-    good = sum(about["good"] for about in this.facts.get("samples", {}).values())
-    failed = this.comm.bcast(0 if good else this.facts.get("failed_samples", 0), root=0)
-    if failed:
-        raise BrakeError(f"""all samples failed ({failed} of {failed});
-            {this.store.path("samples.csv")} names the error of each, and --from uncertainty
-            computes them again""")
+            this.write_summary()
 
 
 def before_samples(
@@ -195,7 +181,7 @@ def compute(this: Run, stats: SurfaceStatistics | None) -> None:
     if brake is not None:
         mechanics(this, stats, library, brake)
     if this.comm.rank == 0 and this.whole:
-        write_summary(this)
+        this.write_summary()
     this.comm.Barrier()
 
 
@@ -215,7 +201,7 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
             "S_q %.2f um, S_sk %.3f, S_ku %.3f; slopes %.2f and %.2f, corner %.1f /mm",
             stats.S_q * 1e6, stats.S_sk, stats.S_ku, fit.c1, fit.c2, fit.q_c / 1e3,
         )  # fmt: skip
-        note_warnings(this, surface_warnings(this.scene, stats))
+        this.warn(surface_warnings(this.scene, stats))
         if this.comm.rank == 0:
             from brake_fenicsx.report.figure_inputs import surface_arrays
 
@@ -227,7 +213,7 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
 def brake_stage(this: Run) -> Brake:
     """Operators of the brake; the side of the mean contact element where laws are to have it."""
     from brake_fenicsx.build.brake import assemble_brake
-    from brake_fenicsx.build.inventory import brake_doubts
+    from brake_fenicsx.build.brake_doubts import brake_doubts
 
     with this.stage("brake"):
         brake = assemble_brake(this.scene, this.comm)
@@ -254,7 +240,7 @@ def brake_stage(this: Run) -> Brake:
         brake = with_shared_matrices(brake, this.store, this.comm)
     mean_patch = 1e-3 * float(this.facts["mean_patch_mm"])
     this.scene = with_patch(this.scene, mean_patch)
-    note_warnings(this, [*doubts, *warnings(this.scene, mean_patch)])
+    this.warn([*doubts, *warnings(this.scene, mean_patch)])
     this.facts["friction"] = friction_texts(this.scene)
     logger.info("friction: %s", listed(this.scene))
     return brake
@@ -294,7 +280,7 @@ def mechanics(
     this: Run, stats: SurfaceStatistics | None, library: LawLibrary | None, brake: Brake
 ) -> None:
     """Shared reduction, and every sample's equilibrium and modes."""
-    from brake_fenicsx.results.output import prepare_blocks
+    from brake_fenicsx.results.output import prepare_blocks, save_stage
 
     study = make_study(this, stats, library, brake)
     with this.stage("samples"):
@@ -317,40 +303,42 @@ def mechanics(
     if not this.whole:
         return
     with this.stage("results"):
-        if this.comm.rank == 0:
-            this.store.forget_tables()
-        from brake_fenicsx.results.output import save_stage, write_results
-
-        first = write_results(study)
-        if sweep is not None:
-            this.facts |= sweep.write()
-        this.facts |= study.facts
-        if "stuck_contact" in this.facts:
-            from brake_fenicsx.samples.forces import stuck_warnings
-
-            note_warnings(this, stuck_warnings(this.scene, this.facts["stuck_contact"]))
-        from brake_fenicsx.samples.forces import law_warnings
-
-        note_warnings(this, law_warnings(this.scene, this.facts["samples"]))
-        note_open_points(this)
-        note_warnings(this, this.facts.pop("lost_extras", []))
-        if "report" in this.scene.stages:
-            from brake_fenicsx.report.figure_inputs import contact_maps
-            from brake_fenicsx.report.mode_fields import write_mode_fields
-
-            note_warnings(this, write_mode_fields(study, first, this.pictures))
-            if this.pictures:
-                # The maps of the page too, beside the picture.
-                last = (
-                    ("maps of the contact", lambda: contact_maps(this.store.directory)),
-                    ("picture of the mesh", lambda: draw_mesh(this, brake)),
-                )
-                drawn = in_turns(2, lambda i: spared(*last[i])[1], this.comm)
-                note_warnings(this, [text for lost in drawn for text in lost])
+        _results(this, study, sweep)
     for extra in named(this.scene):
         if extra.stage:
             with this.stage(extra.name):
                 save_stage(this.store, extra.name, load(extra.stage)(this, study) or {})
+
+
+def _results(this: Run, study: Study, sweep: SweepStudy | None) -> None:
+    """Tables and fields of the samples, and what they leave open."""
+    from brake_fenicsx.results.output import write_results
+    from brake_fenicsx.samples.forces import law_warnings, stuck_warnings
+
+    if this.comm.rank == 0:
+        this.store.forget_tables()
+    first = write_results(study)
+    if sweep is not None:
+        this.facts |= sweep.write()
+    this.facts |= study.facts
+    this.warn(stuck_warnings(this.scene, this.facts.get("stuck_contact", {})))
+    this.warn(law_warnings(this.scene, this.facts["samples"]))
+    note_open_points(this)
+    this.warn(this.facts.pop("lost_extras", []))
+    if "report" not in this.scene.stages:
+        return
+    from brake_fenicsx.report.figure_inputs import contact_maps
+    from brake_fenicsx.report.mode_fields import write_mode_fields
+
+    this.warn(write_mode_fields(study, first, this.pictures))
+    if this.pictures:
+        # The maps of the page too, beside the picture.
+        last = (
+            ("maps of the contact", lambda: contact_maps(this.store.directory)),
+            ("picture of the mesh", lambda: draw_mesh(this, study.brake)),
+        )
+        drawn = in_turns(2, lambda i: spared(*last[i])[1], this.comm)
+        this.warn([text for lost in drawn for text in lost])
 
 
 def draw_mesh(this: Run, brake: Brake) -> None:
@@ -364,31 +352,6 @@ def draw_mesh(this: Run, brake: Brake) -> None:
     title = "Mesh: {cells} cells, {dofs} free dofs".format(**this.facts)
     path = this.store.path("figures") / "mesh.png"
     render_mesh(path, brake.elastic.free.V, layer, names, title)
-
-
-def write_summary(this: Run) -> None:
-    """summary.json: settings, sizes, times, versions."""
-    # Once: the page, written after the first summary, carries this date.
-    this.facts.setdefault("finished", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")
-    seeds = {"samples": this.scene.samples.seed}
-    if this.scene.micro is not None:
-        seeds["laws"] = this.scene.micro.seed
-    this.store.save_json(
-        "summary.json",
-        {
-            "name": this.scene.file.stem,
-            "scene_sha256": this.store.digest,
-            **this.facts,
-            "processes": this.comm.size,
-            "seconds": {name: round(value, 3) for name, value in this.seconds.items()},
-            "peak_memory_mb": {name: round(v) for name, v in this.peak_memory_mb.items()},
-            "process_memory_mb": {name: round(v) for name, v in this.process_memory_mb.items()},
-            "seeds": seeds,
-            "versions": versions(),
-            "settings": this.scene.table,
-            "in_effect": in_effect(this.scene),
-        },
-    )
 
 
 def report(

@@ -1,23 +1,27 @@
-"""A run as it goes from stage to stage."""
+"""A run as it goes from stage to stage: what it hands on, its log, its summary and its ending."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
+from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import peak_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import end_of_stage
+from brake_fenicsx.results.versions import versions
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.digest import in_effect
 
 
 @dataclass(slots=True)
@@ -71,6 +75,14 @@ class Run:
         release_memory()
         end_of_stage(self.comm)
 
+    def warn(self, lines: Iterable[str]) -> None:
+        """Log what is most probably not meant, each line once, and keep it for the page."""
+        known = self.facts.setdefault("warnings", [])
+        for text in lines:
+            if text not in known:
+                logger.warning("%s", text)
+                known.append(text)
+
     @property
     def page(self) -> Path | None:
         """The page of results; None without the stage report."""
@@ -100,11 +112,33 @@ class Run:
         look = f"results are in {self.store.directory}"
         return f"{said}; {look if self.page is None else f'open {self.page}'}"
 
+    def refuse_if_all_failed(self) -> None:
+        """A run without a single good sample is no result, whatever page it has; collective.
 
-def note_warnings(this: Run, lines: list[str]) -> None:
-    """Log what is most probably not meant, each once, and keep it for the page."""
-    known = this.facts.setdefault("warnings", [])
-    for text in lines:
-        if text not in known:
-            logger.warning("%s", text)
-            known.append(text)
+        Raises:
+            BrakeError: how many failed, and where their errors are.
+        """
+        good = sum(about["good"] for about in self.facts.get("samples", {}).values())
+        failed = self.comm.bcast(0 if good else self.facts.get("failed_samples", 0), root=0)
+        if failed:
+            raise BrakeError(f"""all samples failed ({failed} of {failed});
+                {self.store.path("samples.csv")} names the error of each, and --from uncertainty
+                computes them again""")
+
+    def write_summary(self) -> None:
+        """summary.json: settings, sizes, times, versions."""
+        # Once: the page, written after the first summary, carries this date.
+        self.facts.setdefault("finished", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")
+        seeds = {"samples": self.scene.samples.seed}
+        if self.scene.micro is not None:
+            seeds["laws"] = self.scene.micro.seed
+        summary = {
+            "name": self.scene.file.stem, "scene_sha256": self.store.digest, **self.facts,
+            "processes": self.comm.size,
+            "seconds": {name: round(value, 3) for name, value in self.seconds.items()},
+            "peak_memory_mb": {name: round(v) for name, v in self.peak_memory_mb.items()},
+            "process_memory_mb": {name: round(v) for name, v in self.process_memory_mb.items()},
+            "seeds": seeds, "versions": versions(), "settings": self.scene.table,
+            "in_effect": in_effect(self.scene),
+        }  # fmt: skip
+        self.store.save_json("summary.json", summary)

@@ -10,7 +10,7 @@ import argparse
 import re
 from pathlib import Path
 
-from brake_fenicsx.parser import EPILOG, parser
+from brake_fenicsx.commands import EPILOG, parser
 
 OUT = Path(__file__).parents[1] / "docs" / "cli.md"
 HEAD = """\

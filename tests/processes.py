@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import sys
 from importlib.machinery import SourceFileLoader
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
@@ -25,3 +26,10 @@ def parallel():
     own |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
     own |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     return {"env": own, "stdin": subprocess.DEVNULL}
+
+
+def command(scene, out, changes):
+    """Words that run a scene into a folder, in a process of its own."""
+    code = "import sys; from brake_fenicsx.cli import main; sys.exit(main(sys.argv[1:]))"
+    sets = [word for change in changes for word in ("--set", change)]
+    return [sys.executable, "-c", code, "run", str(scene), "-o", str(out), *sets]

@@ -23,38 +23,7 @@ from brake_fenicsx.scene import read_scene
 ROOT = Path(__file__).parents[1]
 SCENES = ROOT / "scripts" / "scenes"
 
-# Sizes as the page gives them: dofs, contact elements, samples, processes, column of the table.
-RUNS = {
-    "disc_brake": (152_479, 1368, {"multi-scale": 300}, 2, 2),
-    "disc_brake_study": (
-        152_479, 1368,
-        {"multi-scale": 300, "parametric": 1000, "joint": 100, "classical": 1}, 2, 4,
-    ),
-    "disc_brake_demo": (40_745, 576, {"multi-scale": 20, "classical": 1}, 1, 6),
-}  # fmt: skip
 FACTOR, MEMORY = 3.0, 1.5
-
-
-def measured_memory(column):
-    """Largest memory of the stages before the report in the page's table [GB]."""
-    rows = []
-    for line in (ROOT / "docs" / "benchmarks.md").read_text().splitlines():
-        if (match := re.match(r"\| `(\w+)`: ", line)) and match[1] != "report":
-            rows.append(float(line.strip("|").split("|")[column].split()[0]))
-    assert len(rows) == 6
-    return max(rows)
-
-
-@pytest.mark.parametrize("name", list(RUNS))
-def test_memory_is_within_a_factor_of_the_measured_run(name):
-    dofs, elements, samples, processes, column = RUNS[name]
-    # The run of the first table verified no sample.
-    changes = ["stability.verify=0"] if name == "disc_brake" else []
-    sizes = run_sizes(read_scene(SCENES / f"{name}.toml", changes), samples, dofs, elements)
-    whole = processes * (sizes.process - sizes.shared) + sizes.shared
-    gigabytes = measured_memory(column)
-    assert gigabytes / MEMORY < whole < gigabytes * MEMORY
-
 
 # Peaks of log.txt of whole runs on one process: dofs, contact elements, samples, changes, GB.
 PEAKS = [

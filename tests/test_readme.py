@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from brake_fenicsx.cli import main
-from brake_fenicsx.parser import parser
+from brake_fenicsx.commands import parser
 from processes import script
 
 ROOT = Path(__file__).parents[1]

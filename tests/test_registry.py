@@ -54,7 +54,7 @@ def core(tmp_path_factory):
 def test_the_chain_runs_without_extras(core, tmp_path):
     """Surface to page, with the modes of the whole program."""
     out = tmp_path / "out"
-    done = program(core, "run", BLOCK, "-o", out, *changes(*ROUGH[1:], PAGE))
+    done = program(core, "run", BLOCK, "-o", out, "--no-pictures", *changes(*ROUGH[1:], PAGE))
     assert done.returncode == 0, done.stderr
     found = read_columns(out / "modes.csv")
     first, modes = found["sample"] == 0, sample(prepare(BLOCK, ROUGH))

@@ -12,7 +12,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from brake_fenicsx.build.brake import assemble_brake
-from brake_fenicsx.build.inventory import brake_doubts
+from brake_fenicsx.build.brake_doubts import brake_doubts
 from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.checks import surface_warnings, warnings, with_patch, with_pixels
 from brake_fenicsx.description import describe

@@ -13,14 +13,13 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult, SceneError
+from brake_fenicsx.errors import InaccurateResult, SceneError, located
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.samples_section import Range, is_constant, split_key, unit_of
 from brake_fenicsx.scene.scalars import changes_bodies, is_inertia, is_length
 
-from .distributions import quantile
 from .material_table import nominal_value
-from .values import Values
+from .values import Values, quantile
 
 Array = NDArray[np.float64]
 
@@ -127,14 +126,11 @@ def check_box(scene: Scene) -> None:
         SceneError: the key and the remedy.
     """
     stability = scene.stability if "stability" in scene.stages else None
-    try:
+    with located(scene.file):
         box = Box(scene)
         if stability and (stability.method, stability.on_tolerance) == ("reduced", "warn"):
-            softening(box)
-    except InaccurateResult as error:
-        raise SceneError(f'{scene.file}: stability.method = "reduced": {error}') from None
-    except SceneError as error:
-        raise SceneError(f"{scene.file}: {error}") from None
+            with located('stability.method = "reduced"', InaccurateResult):
+                softening(box)
 
 
 def _spanning(scene: Scene, name: str) -> list[float]:

@@ -45,7 +45,7 @@ from .box import Box, softening
 from .brake import Brake
 from .damping_terms import damping_slope, mass_share, stiffness_share
 from .interfaces import scene_motion
-from .lengths import Shape, Shapes, lengths_in, shapes_of
+from .lengths import MovingContact, Shape, Shapes, lengths_in, shapes_of
 from .material_table import (
     STIFFNESSES,
     by_material,
@@ -54,7 +54,6 @@ from .material_table import (
     stiffness,
     varied_stiffness,
 )
-from .moving_contact import MovingContact
 from .values import Values
 
 if TYPE_CHECKING:
@@ -162,15 +161,17 @@ class ChangingBodies:
             out[1, j] = change * term.share(here)
         return out
 
-    def change(self, values: Mapping[str, float], which: str) -> sp.csr_matrix:
-        """What some scalars add to a matrix of the scene.
+    def change(self, values: Mapping[str, float], which: str) -> sp.csr_matrix | None:
+        """What some scalars add to a matrix of the scene; None where none enters a matrix.
 
         Args:
             values: by dotted key, SI.
             which: "K" [N/m], "C" [N s/m] or "M" [kg].
         """
-        parts = [*zip(self.coefficients(values)[ROWS.index(which)], self.matrices, strict=True)]
-        return sum((c * part for c, part in parts if c), sp.csr_matrix(parts[0][1].shape))
+        if not self.terms:
+            return None
+        parts = zip(self.coefficients(values)[ROWS.index(which)], self.matrices, strict=True)
+        return sum((c * A for c, A in parts if c), sp.csr_matrix(self.matrices[0].shape))
 
 
 def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:

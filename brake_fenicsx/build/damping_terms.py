@@ -33,7 +33,6 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.macro.contact_elements import Contact
 from brake_fenicsx.macro.elasticity import affine_parts
-from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.sliding_friction import Rotation, SlidingFriction
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import (
@@ -102,30 +101,20 @@ class Terms:
         return _sum(parts)
 
 
-def damping_terms(scene: Scene, brake: Brake) -> Terms | None:
-    """Assemble the terms of the bodies.
-
-    Args:
-        scene: the scene.
-        brake: its operators.
-
-    Returns:
-        The terms; None where the scene names none.
-    """
-    table, own = scene.damping, brake.elastic.C
-    parts = [] if own is None else [own]
-    if table is None:
-        return Terms(own) if parts else None
-    return Terms(_sum([*parts, *_terms_of_bodies(scene, brake, table)]), table.sliding, table.slope)
+def damping_terms(scene: Scene, brake: Brake) -> Terms:
+    """Assemble the damping terms of a scene."""
+    table = scene.damping or Damping()
+    return Terms(_sum([*_terms_of_bodies(scene, brake, table)]), table.sliding, table.slope)
 
 
 def _terms_of_bodies(scene: Scene, brake: Brake, table: Damping) -> Iterator[sp.csr_matrix]:
-    """Damping that a scene names for its bodies, one matrix for each term."""
-    layers = brake.materials
+    """Damping of the bodies: their dashpots, then a matrix for each term that the scene names."""
+    if brake.elastic.C is not None:
+        yield brake.elastic.C
     if table.rayleigh is not None:
         yield rayleigh(brake.M, brake.K, *table.rayleigh)
     if table.loss:
-        yield _hysteretic(brake, layers, table.reference)
+        yield _hysteretic(brake, table.reference)
     motion = scene_motion(scene)
     if table.gyroscopic and isinstance(motion, Rotation):
         yield gyroscopic(brake.mesh, brake.elastic.free, turning_density(scene, brake), motion)
@@ -135,40 +124,32 @@ def _terms_of_bodies(scene: Scene, brake: Brake, table: Damping) -> Iterator[sp.
 
 def record(scene: Scene, contact: Contact) -> dict[str, Any]:
     """What acts where, with its numbers, for log and summary; empty without damping."""
-    facts: dict[str, Any] = {}
-    if damped := damped_springs(scene):
-        facts["springs"] = {f"{name}_N_s_m": [*values] for name, values in damped.items()}
-    if files := damped_bodies(scene):
-        facts["matrices"] = {**files}
-    table = scene.stability.damping if scene.stability else None
-    if table is None:
-        table = Damping()
-    if table.rayleigh is not None:
-        facts["rayleigh"] = {"alpha_1_s": table.rayleigh[0], "beta_s": table.rayleigh[1]}
-    if table.loss:
-        factors = {name: m.loss for name, m in scene.materials.items() if m.loss}
-        facts["loss"] = {"omega_ref_rad_s": table.reference, "factors": factors}
-    moving = contact.speed[contact.speed > 0]
-    speeds = [float(moving.min()), float(moving.max())] if moving.size else []
-    if table.sliding:
-        facts["sliding"] = {"speeds_m_s": speeds}
-    if table.slope:
-        facts["slope"] = {"speeds_m_s": speeds}
-    if table.gyroscopic:
-        speed = scene.motion.rate if scene.motion else 0.0
-        facts["gyroscopic"] = {"speed_rad_s": speed, "parts": turning_parts(scene)}
-    if table.own:
-        facts["own"] = {"terms": [repr(term) for term in table.own]}
-    if table.modal:
-        facts["modal"] = {name: asdict(given) for name, given in table.modal.items()}
-    for term, numbers in facts.items():
-        approaches = scene.samples.approaches
-        numbers["approaches"] = [a for a in approaches if term in active_terms(scene, a)]
-    return facts
+    table, moving = scene.damping or Damping(), contact.speed[contact.speed > 0]
+    speeds = {"speeds_m_s": [float(moving.min()), float(moving.max())] if moving.size else []}
+    losses = {name: m.loss for name, m in scene.materials.items() if m.loss}
+    turning = {"speed_rad_s": scene.motion.rate if scene.motion else 0.0}
+    facts: dict[str, dict[str, Any]] = {
+        "springs": {f"{name}_N_s_m": [*c] for name, c in damped_springs(scene).items()},
+        "matrices": {**damped_bodies(scene)},
+        "rayleigh": dict(zip(("alpha_1_s", "beta_s"), table.rayleigh or (), strict=False)),
+        "loss": {"omega_ref_rad_s": table.reference, "factors": losses} if table.loss else {},
+        "sliding": speeds if table.sliding else {},
+        "slope": speeds if table.slope else {},
+        "gyroscopic": {**turning, "parts": turning_parts(scene)} if table.gyroscopic else {},
+        "own": {"terms": [repr(term) for term in table.own]} if table.own else {},
+        "modal": {name: asdict(given) for name, given in table.modal.items()},
+    }
+    acting = {name: active_terms(scene, name) for name in scene.samples.approaches}
+    return {
+        term: {**numbers, "approaches": [name for name, terms in acting.items() if term in terms]}
+        for term, numbers in facts.items()
+        if numbers
+    }
 
 
-def _hysteretic(brake: Brake, layers: Mapping[str, Material], omega_ref: float) -> sp.csr_matrix:
+def _hysteretic(brake: Brake, omega_ref: float) -> sp.csr_matrix:
     """Loss factors of the layers, one stiffness assembled for each value of them."""
+    layers = brake.materials
     values = sorted({m.loss for m in layers.values() if m.loss})
     groups = [{n: m.C for n, m in layers.items() if m.loss == eta} for eta in values]
     stiffnesses = affine_parts(brake.mesh, brake.elastic.free, groups)
@@ -191,8 +172,7 @@ def with_modal_damping(
         masses: mass of each layer, "part.layer", and of bodies given by matrices [kg], shape
             (dofs, dofs).
     """
-    damping = scene.stability.damping if scene.stability else None
-    given = damping.modal if damping else {}
+    given = scene.damping.modal if scene.damping else {}
     if not given:
         return list(bodies)
     ratios: list[list[ModalRatio]] = [[] for _ in bodies]
@@ -219,13 +199,10 @@ def stiffness_share(scene: Scene, material: str, values: Mapping[str, float]) ->
         material: name of the material.
         values: scalars that differ from the scene, by dotted key, SI.
     """
-    table = scene.stability.damping if scene.stability else None
-    if table is None:
-        return 0.0
-    share = 0.0
-    if table.rayleigh is not None:
+    table, share = scene.damping, 0.0
+    if table and table.rayleigh:
         share += values.get(RAYLEIGH[1], table.rayleigh[1])
-    if table.loss:
+    if table and table.loss:
         loss = scene.materials[material].loss
         share += values.get(f"materials.{material}.loss", loss) / table.reference
     return share

@@ -11,7 +11,7 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import SceneError
+from brake_fenicsx.errors import SceneError, located
 from brake_fenicsx.macro.contact_elements import Contact, contact_elements, restricted
 from brake_fenicsx.macro.elasticity import FreeDofs
 from brake_fenicsx.macro.sliding_friction import Motion, Rotation, Translation
@@ -51,14 +51,11 @@ def interface_elements(
         SceneError: the faces do not lie opposite to each other.
     """
     table = scene.contact[name]
-    try:
-        return contact_elements(
-            mesh, free, (table.faces[0], table.faces[1]),
-            scene_motion(scene) if slides(scene, name) else None,
-            table.discretisation, table.search, comm,
-        )  # fmt: skip
-    except SceneError as error:
-        raise SceneError(f"{scene.file}: {error}") from None
+    faces, motion = (table.faces[0], table.faces[1]), None
+    if slides(scene, name):
+        motion = scene_motion(scene)
+    with located(scene.file):
+        return contact_elements(mesh, free, faces, motion, table.discretisation, table.search, comm)
 
 
 def in_zone(zone: Zone, points: Array) -> NDArray[np.bool_]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, replace
-from functools import partial
+from dataclasses import asdict, dataclass, replace
 from math import ceil, inf, log2
-from typing import TYPE_CHECKING, Any, cast
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +18,16 @@ from brake_fenicsx.folder.files import digest, emptied, whole_file
 from brake_fenicsx.folder.log import Progress, logger
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.digest import laws_key
-from brake_fenicsx.stages import Run, note_warnings
 
 if TYPE_CHECKING:
     from brake_fenicsx.micro import LawLibrary, LawRecipe, LawSteps
     from brake_fenicsx.micro.halfspace import Boundary
     from brake_fenicsx.micro.settings import BulkCompliance
-    from brake_fenicsx.micro.support import LawSupport
     from brake_fenicsx.scene.surface_section import Micro
-    from brake_fenicsx.surface import SurfaceStatistics
+    from brake_fenicsx.stages import Run
+    from brake_fenicsx.surface import SurfaceStatistics, Topography
 
+Made = TypeVar("Made")
 PIECES = "cache/laws"
 # Hardness of a hard lining, a usual pressure of braking [Pa], and the share of the force beyond
 # the first at which elastic laws are doubtful.
@@ -66,71 +66,25 @@ def law_recipe(scene: Scene, stats: SurfaceStatistics) -> LawRecipe | None:
 
 def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
     """Artificial surfaces to a library of pressure-gap laws, shared by the processes."""
-    from brake_fenicsx.micro import load_laws, make_library, save_laws
-    from brake_fenicsx.micro.law_of_surface import doubts
+    from brake_fenicsx.micro import load_laws
 
-    scene, comm = this.scene, this.comm
+    scene, recipe = this.scene, law_recipe(this.scene, stats)
     micro = scene.micro
-    if micro is None:
+    if micro is None or recipe is None:
         raise SceneError(f"{scene.file}: micro: the section is missing")
-    path = this.store.path("laws.npz")
-    wanted = wanted_pressure(this)
+    path, wanted = this.store.path("laws.npz"), wanted_pressure(this)
 
     def key() -> dict[str, Any]:
         return {**laws_key(scene), "pressure": wanted}
 
-    with this.stage("micro"), this.cache.shared("laws.npz", key, comm):
-        if not comm.bcast(path.exists(), root=0):
-            recipe, number = law_recipe(scene, stats), micro.laws
-            if recipe is None:
-                raise SceneError(f"{scene.file}: stages: 'micro' is missing")
-            first = recipe.surface(micro.seed, 0)
-            if first.record is not None:
-                r = first.record
-                logger.info(
-                    "artificial surfaces: %d x %d points; S_q %.2f um, that of the scan %.2f um;"
-                    " spectrum of the scan times %.2f; %.0f %% of the variance in longer waves",
-                    *first.shape, 1e6 * r.S_q, 1e6 * stats.S_q, r.C0_scale,
-                    100 * r.low_share,
-                )  # fmt: skip
-            if wanted < recipe.settings.highest:
-                logger.info(
-                    "laws up to %.3g MPa, at least %.3g times the mean pressure of the contact; a"
-                    " sample that needs more makes its laws longer", wanted / 1e6, TIMES,
-                )  # fmt: skip
-            pieces, again = _Pieces(this, key()), support_draws(micro, recipe, stats)
-            what = "laws and scans drawn anew" if again else "laws"
-            counts = (len(range(comm.rank, n, comm.size)) for n in (number, again))
-            whose = " of the first process" * (comm.size > 1)
-            progress = Progress(f"{what}{whose}", sum(counts))
-            own = {}
-            for i in range(comm.rank, number, comm.size):
-                own[i] = pieces.law(i, recipe, wanted)
-                progress.advance()
-            steps = {i: law for part in comm.allgather(own) for i, law in part.items()}
-            notes = comm.bcast(
-                [*doubts(first), *beyond_elasticity(this, recipe)] if comm.rank == 0 else None
-            )
-            draw = partial(pieces.drawn, recipe=recipe, stats=stats)
-            laws = [steps[i] for i in range(number)]
-            support = support_of_laws(this, again, draw, progress, laws) if again else None
-            if support is not None and (doubt := support.warning()):
-                notes.append(doubt)
-            settings = {**recipe.record(), "seed": micro.seed, "notes": notes}
-            if support is not None:
-                settings["support"] = {k: v.tolist() for k, v in asdict(support).items()}
-            reach = [recipe.reach(steps, wanted) for steps in laws]
-            library = make_library(laws, list(range(number)), settings, reach)
-            if comm.rank == 0:
-                with whole_file(path, durable=True) as part:
-                    save_laws(part, library)
-            comm.Barrier()
-            if comm.rank == 0:
-                emptied(this.store.path(PIECES))
+    with this.stage("micro"), this.cache.shared("laws.npz", key, this.comm):
+        if not this.comm.bcast(path.exists(), root=0):
+            _Laws(this, stats, micro, recipe, wanted, digest(key())).write(path)
         library = load_laws(path)
-        note_warnings(this, library.settings["notes"])
-        recipe = None if library.reach is None else law_recipe(scene, stats)
-        return library if recipe is None else replace(library, longer=recipe.longer(micro.seed))
+        this.warn(library.settings["notes"])
+        if library.reach is None:
+            return library
+        return replace(library, longer=recipe.longer(micro.seed))
 
 
 def wanted_pressure(this: Run) -> float:
@@ -140,107 +94,152 @@ def wanted_pressure(this: Run) -> float:
     beside its samples (limit cycles). Brakes of about one load have one pressure, and so one
     library: a power of two [MPa].
     """
-    pressed, area = this.facts.get("pressed_N"), this.facts.get("face_area_mm2")
-    micro = this.scene.micro
-    if not pressed or not area or micro is None or micro.max_pressure is not None:
+    mean, micro = _mean_pressure(this), this.scene.micro
+    if mean is None or micro is None or micro.max_pressure is not None:
         return inf
     if beside_samples(this.scene):  # a vibrating patch passes any pressure of the equilibrium
         return inf
-    mean = 1e6 * float(pressed) / float(area)
     return LEAST * 2.0 ** max(0, ceil(log2(TIMES * mean / LEAST)))
 
 
-class _Pieces:
-    """Laws and scans drawn anew, each stored as it is solved, until the library is written."""
+def _mean_pressure(this: Run) -> float | None:
+    """Mean pressure of the contact of a brake [Pa]; None without a brake."""
+    pressed, area = this.facts.get("pressed_N"), this.facts.get("face_area_mm2")
+    return 1e6 * float(pressed) / float(area) if pressed and area else None
 
-    def __init__(self, this: Run, key: dict[str, Any]):
-        """Look at what they depend on."""
-        self._store, self._key = this.store, digest(key)
-        self._seed = 0 if this.scene.micro is None else this.scene.micro.seed
-        self._store.path(PIECES).mkdir(parents=True, exist_ok=True)
 
-    def law(self, number: int, recipe: LawRecipe, pressure: float) -> LawSteps:
-        """Steps of a law to a pressure [Pa]."""
+@dataclass(frozen=True, slots=True)
+class _Laws:
+    """Laws of a scene as they are made, each stored as it is solved until the library is written.
+
+    Attributes:
+        this: the run.
+        stats: statistics of its surface.
+        micro: the section [micro].
+        recipe: what the laws are made from.
+        wanted: mean pressure up to which they are made [Pa].
+        mark: digest of what they depend on.
+    """
+
+    this: Run
+    stats: SurfaceStatistics
+    micro: Micro
+    recipe: LawRecipe
+    wanted: float
+    mark: str
+
+    def write(self, path: Path) -> None:
+        """Make the laws and the scatter of scans drawn anew, and write the library; collective."""
+        from brake_fenicsx.micro import make_library, save_laws
+        from brake_fenicsx.micro.law_of_surface import doubts
+        from brake_fenicsx.micro.support import PRESSURES, law_support
+
+        comm, store, micro, recipe = self.this.comm, self.this.store, self.micro, self.recipe
+        store.path(PIECES).mkdir(parents=True, exist_ok=True)
+        first = recipe.surface(micro.seed, 0)
+        self._note(first)
+        # Without a scan, or up to less than the pressures of the band, none is drawn anew.
+        band = bool(self.stats.topographies) and max(PRESSURES) < recipe.settings.highest
+        scans = micro.scans if band else 0
+        what = "laws and scans drawn anew" if scans else "laws"
+        counts = (len(range(comm.rank, n, comm.size)) for n in (micro.laws, scans))
+        progress = Progress(f"{what}{' of the first process' * (comm.size > 1)}", sum(counts))
+        laws = self._spread(micro.laws, self._law, progress)
+        notes = comm.bcast([*doubts(first), *self._beyond()] if comm.rank == 0 else None)
+        settings = {**recipe.record(), "seed": micro.seed, "notes": notes}
+        drawn = self._spread(scans, self._drawn, progress)
+        if len(drawn) < 0.8 * scans:
+            logger.warning("only %d of %d scans drawn anew gave a law: no band", len(drawn), scans)
+        elif len(drawn) > 1:
+            support = law_support(drawn, laws)
+            if doubt := support.warning():
+                notes.append(doubt)
+            settings["support"] = {k: v.tolist() for k, v in asdict(support).items()}
+        reach = [recipe.reach(steps, self.wanted) for steps in laws]
+        library = make_library(laws, list(range(len(laws))), settings, reach)
+        if comm.rank == 0:
+            with whole_file(path, durable=True) as part:
+                save_laws(part, library)
+        comm.Barrier()
+        if comm.rank == 0:
+            emptied(store.path(PIECES))
+
+    def _note(self, first: Topography) -> None:
+        """Log what the first surface is like, and how far laws go."""
+        if (r := first.record) is not None:
+            logger.info(
+                "artificial surfaces: %d x %d points; S_q %.2f um, that of the scan %.2f um;"
+                " spectrum of the scan times %.2f; %.0f %% of the variance in longer waves",
+                *first.shape, 1e6 * r.S_q, 1e6 * self.stats.S_q, r.C0_scale, 100 * r.low_share,
+            )  # fmt: skip
+        if self.wanted < self.recipe.settings.highest:
+            logger.info(
+                "laws up to %.3g MPa, at least %.3g times the mean pressure of the contact; a"
+                " sample that needs more makes its laws longer", self.wanted / 1e6, TIMES,
+            )  # fmt: skip
+
+    def _spread(
+        self, count: int, make: Callable[[int], Made | None], progress: Progress
+    ) -> list[Made]:
+        """What the processes make of some numbers, in their order; None is left out."""
+        comm, own = self.this.comm, dict[int, Made | None]()
+        for i in range(comm.rank, count, comm.size):
+            own[i] = make(i)
+            progress.advance()
+        every = {i: made for part in comm.allgather(own) for i, made in part.items()}
+        return [every[i] for i in range(count) if every[i] is not None]
+
+    def _law(self, number: int) -> LawSteps:
+        """Steps of a law."""
         from brake_fenicsx.micro import LawSteps
 
         def solve() -> dict[str, Any]:
-            steps = recipe.law(self._seed, number, pressure)._asdict()
+            steps = self.recipe.law(self.micro.seed, number, self.wanted)._asdict()
             return {name: a for name, a in steps.items() if a is not None}
 
         return LawSteps(**self._kept(f"law-{number:05d}", solve))
 
-    def drawn(
-        self, number: int, recipe: LawRecipe, stats: SurfaceStatistics
-    ) -> NDArray[np.float64]:
-        """The law of a scan drawn anew, see ``drawn_law``."""
+    def _drawn(self, number: int) -> NDArray[np.float64] | None:
+        """The law of a scan drawn anew, see ``drawn_law``; None of one too poor for a fit."""
         from brake_fenicsx.micro.support import drawn_law
 
-        make = partial(drawn_law, recipe, stats, self._seed, number)
-        return self._kept(f"drawn-{number:05d}", lambda: {"rows": make()})["rows"]
+        def solve() -> dict[str, Any]:
+            return {"rows": drawn_law(self.recipe, self.stats, self.micro.seed, number)}
+
+        try:
+            return self._kept(f"drawn-{number:05d}", solve)["rows"]
+        except StorageError:
+            raise
+        except BrakeError:
+            logger.debug("scan %d drawn anew gives no law", number, exc_info=True)
+            return None
 
     def _kept(self, name: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         file = f"{PIECES}/{name}.npz"
         with suppress(SceneError):  # a damaged one is solved again
-            found = self._store.load(file) or {}
-            if str(found.pop("key", "")) == self._key:
+            found = self.this.store.load(file) or {}
+            if str(found.pop("key", "")) == self.mark:
                 return found
         made = make()
-        self._store.save(file, key=np.array(self._key), **made)
+        self.this.store.save(file, key=np.array(self.mark), **made)
         return made
 
+    def _beyond(self) -> list[str]:
+        """Whether laws carry more than linings do, or end too low, at the brake's pressure."""
+        from brake_fenicsx.micro import force_above
 
-def support_draws(micro: Micro, recipe: LawRecipe, stats: SurfaceStatistics) -> int:
-    """Scans that are drawn anew for the scatter of the laws; 0 without a scan or a band."""
-    from brake_fenicsx.micro.support import PRESSURES
-
-    wanted = stats.topographies and max(PRESSURES) < recipe.settings.highest
-    return micro.scans if wanted else 0
-
-
-def support_of_laws(
-    this: Run, scans: int, draw: Callable[[int], NDArray[np.float64]], progress: Progress,
-    laws: list[LawSteps],
-) -> LawSupport | None:  # fmt: skip
-    """Pixels behind the laws and their scatter over scans drawn anew; None without a band."""
-    from brake_fenicsx.micro.support import law_support
-
-    comm, draws = this.comm, dict[int, NDArray[np.float64]]()
-    for i in range(comm.rank, scans, comm.size):
+        mean, highest = _mean_pressure(self.this) or BRAKING, self.recipe.settings.highest
+        if self.recipe.settings.hardness is not None:
+            return [
+                f"laws end at {highest / 1e6:.3g} MPa, and the mean pressure of the contact is"
+                f" {mean / 1e6:.3g} MPa: raise micro.max_pressure or micro.hardness"
+            ] * (mean >= highest)
         try:
-            draws[i] = draw(i)
-        except StorageError:
-            raise
-        except BrakeError:  # a scan drawn anew may be too poor for a fit
-            logger.debug("scan %d drawn anew gives no law", i, exc_info=True)
-        progress.advance()
-    every = {i: law for part in comm.allgather(draws) for i, law in part.items()}
-    if len(every) < 0.8 * scans:
-        logger.warning("only %d of %d scans drawn anew gave a law: no band", len(every), scans)
-        return None
-    return law_support([every[i] for i in sorted(every)], laws) if len(every) > 1 else None
-
-
-def beyond_elasticity(this: Run, recipe: LawRecipe) -> list[str]:
-    """Whether laws carry more than linings do, or end too low, at the pressure of the brake."""
-    from brake_fenicsx.micro import force_above
-
-    pressed, area = this.facts.get("pressed_N"), this.facts.get("face_area_mm2")
-    mean = 1e6 * pressed / area if pressed and area else BRAKING
-    highest = recipe.settings.highest
-    if recipe.settings.hardness is not None:
-        if mean < highest:
-            return []
+            share = force_above(self.recipe, 0, mean, SOFT)
+        except NotConverged as error:
+            return [f"elastic laws: their highest pressures are not known: {error}"]
         return [
-            f"laws end at {highest / 1e6:.3g} MPa, and the mean pressure of the contact is"
-            f" {mean / 1e6:.3g} MPa: raise micro.max_pressure or micro.hardness"
-        ]
-    try:
-        share = force_above(recipe, 0, mean, SOFT)
-    except NotConverged as error:
-        return [f"elastic laws: their highest pressures are not known: {error}"]
-    if share < SOME:
-        return []
-    return [
-        f"elastic laws: at a mean pressure of {mean / 1e6:.2g} MPa {100 * share:.0f} % of the force"
-        f" is carried at more than {SOFT / 1e6:.0f} MPa, where linings yield; name micro.hardness"
-    ]
+            f"elastic laws: at a mean pressure of {mean / 1e6:.2g} MPa {100 * share:.0f} % of the"
+            f" force is carried at more than {SOFT / 1e6:.0f} MPa, where linings yield; name"
+            " micro.hardness"
+        ] * (share >= SOME)

@@ -27,7 +27,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import SceneError
+from brake_fenicsx.errors import SceneError, located
 from brake_fenicsx.macro.material import (
     Material,
     engineering_constants,
@@ -68,10 +68,8 @@ def scene_materials(scene: Scene) -> dict[str, Material]:
     """Materials of the scene, each in its own axes; a wrong one is named by its key."""
     found = {}
     for name, table in scene.materials.items():
-        try:
+        with located(f"{scene.file}: materials.{name}"):
             found[name] = Material(stiffness(table), table.rho, table.loss)
-        except SceneError as error:
-            raise SceneError(f"{scene.file}: materials.{name}: {error}") from None
     return found
 
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from brake_fenicsx.errors import BrakeError, SceneError, SurfaceError
+from brake_fenicsx.errors import BrakeError, SceneError, SurfaceError, located
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.surface_section import Surface
 from brake_fenicsx.surface.readers import read_topography
@@ -27,14 +25,12 @@ def read_surface(scene: Scene) -> SurfaceStatistics:
         raise SceneError(f"{scene.file}: surface: the section is missing")
     if table.statistics is not None:
         t, shape = table.statistics, table.distribution or "johnson"
-        try:
+        with located(f"{scene.file}: surface", BrakeError):
             stats = given_statistics(t.S_q, t.S_sk, t.S_ku, t.c1, t.c2, t.q_c, distribution=shape)
-        except BrakeError as error:
-            raise SceneError(f"{scene.file}: surface: {error}") from None
     else:
         shape = table.distribution or "measured"
         each = _each_scan(scene, table, shape)
-        with _named(scene, "scan", list(table.scans)):
+        with _key(scene, "scan", list(table.scans)):
             stats = averaged(each, table.cutoff, shape, table.spectrum)
         if (lay := stats.spectrum.lay) is not None and table.grooves is not None:
             turn = table.grooves - stats.direction - np.pi / 2.0
@@ -47,7 +43,7 @@ def _with_form(
     scene: Scene, table: Surface, file: str, stats: SurfaceStatistics
 ) -> SurfaceStatistics:
     """Statistics of a surface whose longest waves are those of a longer scan."""
-    with _named(scene, "form", file):
+    with _key(scene, "form", file):
         long = characterise(_read(scene, file), table.level, distribution="johnson",
                             spectrum=table.spectrum)  # fmt: skip
     where, band = f"{scene.file}: surface.form = {file!r}", stats.bifractal.band
@@ -73,7 +69,7 @@ def _each_scan(scene: Scene, table: Surface, distribution: str) -> list[SurfaceS
     scans: list[Topography] = []
     each = []
     for file in table.scans:
-        with _named(scene, "scan", file):
+        with _key(scene, "scan", file):
             scan = _read(scene, file, size, table.height_unit, table.rows)
             scans.append(on_grid_of(scans[0], scan) if scans else scan)
             each.append(characterise(scans[-1], table.level, cutoff=table.cutoff,
@@ -102,10 +98,6 @@ def _read(
     return scan
 
 
-@contextmanager
-def _named(scene: Scene, name: str, value: Any) -> Iterator[None]:
+def _key(scene: Scene, name: str, value: object) -> AbstractContextManager[None]:
     """What is wrong with a surface, with the scene's file, the key and its value."""
-    try:
-        yield
-    except BrakeError as error:
-        raise SceneError(f"{scene.file}: surface.{name} = {value!r}: {error}") from None
+    return located(f"{scene.file}: surface.{name} = {value!r}", BrakeError)

@@ -1,12 +1,14 @@
 """A brake as a function of the scalars of its scene: ``brake.at(values)``.
 
 What it gives is made once for a sample and passed on; matrices of bodies that change are summed
-where they are asked for, which a sample of the reduced model does not.
+where they are asked for, which a sample of the reduced model does not. Matrices of each layer by
+itself tell what a mode owes to it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -15,14 +17,23 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.contact_elements import Contact
+from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.layer_mass import layer_masses
-from brake_fenicsx.macro.sliding_friction import SlidingFriction
+from brake_fenicsx.macro.material import Material
+from brake_fenicsx.macro.sliding_friction import Rotation, SlidingFriction
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.scalars import changes_bodies
+from brake_fenicsx.scene.approaches import turning_parts
+from brake_fenicsx.scene.scalars import SPEED
+from brake_fenicsx.stability.damping_matrices import gyroscopic
+from brake_fenicsx.stability.derivatives import bilinear
+from brake_fenicsx.stability.modes import Complex
 
 from .brake import Brake
 from .changes import ChangingBodies, assemble_changes
-from .damping_terms import Terms, damping_terms
+from .damping_terms import Terms, damping_terms, mass_share, stiffness_share
+from .interfaces import scene_motion
+from .lengths import lengths_in
+from .material_table import layer_materials, material_of
 from .values import Values
 
 Array = NDArray[np.float64]
@@ -34,13 +45,13 @@ class ParametricBrake(Brake):
 
     Attributes:
         scene: the scene.
-        changes: of the bodies; None where no scalar enters their matrices.
-        terms: of the damping; None without any.
+        changes: what they change in the bodies.
+        terms: of the damping.
     """
 
     scene: Scene
-    changes: ChangingBodies | None
-    terms: Terms | None
+    changes: ChangingBodies
+    terms: Terms
 
     def __repr__(self) -> str:
         """One line."""
@@ -65,10 +76,9 @@ class ParametricBrake(Brake):
     @cached_property
     def central_mass(self) -> sp.csr_matrix:
         """Mass at the centre of the box [kg]: of the scene where nothing changes."""
-        if self.changes is None:
-            return self.M
         box = self.changes.box
-        return self.M + self.changes.change(box.values(np.zeros(len(box.names))), "M")
+        change = self.changes.change(box.values(np.zeros(len(box.names))), "M")
+        return self.M if change is None else self.M + change
 
 
 def parametric_brake(scene: Scene, brake: Brake) -> ParametricBrake:
@@ -82,11 +92,10 @@ def parametric_brake(scene: Scene, brake: Brake) -> ParametricBrake:
         SceneError: a range that the mesh does not stand, or a face in use that would change.
     """
     given = {f.name: getattr(brake, f.name) for f in fields(Brake)}
-    changing = any(changes_bodies(scene, name) for name in scene.varied)
+    terms = damping_terms(scene, brake) if "stability" in scene.stages else Terms()
     return ParametricBrake(
-        **given, scene=scene, changes=assemble_changes(scene, brake) if changing else None,
-        terms=damping_terms(scene, brake) if "stability" in scene.stages else None,
-    )  # fmt: skip
+        **given, scene=scene, changes=assemble_changes(scene, brake), terms=terms
+    )
 
 
 class BrakeAt:
@@ -101,17 +110,12 @@ class BrakeAt:
     def __init__(self, brake: ParametricBrake, values: Values):
         """See ``ParametricBrake.at``."""
         self.reference, self.values = brake, values
-        self._changes = brake.changes
-        self.own_bodies: bool = self._changes is not None and self._changes.changed_by(values)
+        self.own_bodies: bool = brake.changes.changed_by(values)
 
     @cached_property
     def contact(self) -> Contact:
         """Contact elements."""
-        return (
-            self.reference.contact
-            if self._changes is None
-            else self._changes.contact.at(self.values)
-        )
+        return self.reference.changes.contact.at(self.values)
 
     @property
     def pressures(self) -> Array:
@@ -121,14 +125,12 @@ class BrakeAt:
     @cached_property
     def point(self) -> Array:
         """Point of the box [-1, 1]^d of the reduced model, shape (d,)."""
-        return np.zeros(0) if self._changes is None else self._changes.box.point(self.values)
+        return self.reference.changes.box.point(self.values)
 
     @cached_property
     def stiffness_change(self) -> sp.csr_matrix | None:
         """K less that of the scene [N/m]; None where the bodies are those of the scene."""
-        if self._changes is None or not self.own_bodies:
-            return None
-        return self._changes.change(self.values, "K")
+        return self.reference.changes.change(self.values, "K") if self.own_bodies else None
 
     @property
     def K(self) -> sp.csr_matrix:
@@ -139,9 +141,8 @@ class BrakeAt:
     @cached_property
     def M(self) -> sp.csr_matrix:
         """Mass [kg], likewise."""
-        if self._changes is None or not self.own_bodies:
-            return self.reference.M
-        return (self.reference.M + self._changes.change(self.values, "M")).tocsr()
+        change = self.reference.changes.change(self.values, "M") if self.own_bodies else None
+        return self.reference.M if change is None else (self.reference.M + change).tocsr()
 
     def C(self, friction: SlidingFriction, p: Array) -> sp.csr_matrix | None:
         """Damping at an equilibrium [N s/m], likewise; None where nothing damps the sample.
@@ -150,12 +151,61 @@ class BrakeAt:
             friction: of the contact elements.
             p: pressures [Pa], shape (elements,).
         """
-        if self.reference.terms is None:
-            return None
-        change = self._changes.change(self.values, "C") if self._changes and self.values else None
+        change = self.reference.changes.change(self.values, "C") if self.values else None
         return self.reference.terms.matrix(self.contact, friction, p, change)
 
     def rates(self, friction: SlidingFriction, p: Array) -> tuple[Array, Array]:
         """Factors of slip rates that the damping of the scene names; see there."""
-        terms = self.reference.terms or Terms()
-        return friction.rates(p, terms.turns, terms.falls)
+        return friction.rates(p, self.reference.terms.turns, self.reference.terms.falls)
+
+
+def layer_derivatives(
+    brake: BrakeAt, s: Complex, vectors: tuple[Complex, ...]
+) -> dict[tuple[str, str], Complex]:
+    """Derivatives of lambda to the stiffness, mass and loss factor of each layer.
+
+    Args:
+        brake: of the sample.
+        s: eigenvalues lambda [1/s], shape (modes,).
+        vectors: right and left ones, shape (dofs, modes), and psi^H P'(lambda) phi.
+
+    Returns:
+        (layer, "stiffness", "mass" or "loss factor") -> d lambda / d ln E, / d ln rho with the
+        damping that follows them, and / d eta at the reference [1/s], shape (modes,).
+    """
+    values, out = brake.values, dict[tuple[str, str], Complex]()
+    scene, table = values.scene, values.scene.damping
+    frequency = table.reference if table and table.loss else abs(s.imag)
+    alpha, faster = mass_share(scene, values), values.ratio(SPEED)
+    own = {
+        name: Material(values.stiffness(name), t.rho * values.ratio(f"materials.{name}.rho"))
+        for name, t in scene.materials.items()
+    }
+    for name, material in layer_materials(scene, brake.reference.mesh.layers, own).items():
+        stiffness, mass, turning = (
+            0.0 if A is None else bilinear(A, *vectors) for A in _matrices(brake, name, material)
+        )
+        share = stiffness_share(scene, material_of(scene, name), values)
+        out[name, "stiffness"] = (1 + s * share) * stiffness
+        out[name, "mass"] = s * (s + alpha) * mass + s * faster * turning
+        out[name, "loss factor"] = s / frequency * stiffness
+    return out
+
+
+def _matrices(
+    brake: BrakeAt, layer: str, material: Material
+) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix | None]:
+    """Stiffness [N/m], mass [kg] and gyroscopic term [N s/m] of a layer, where it turns."""
+    scene, mesh, free = brake.values.scene, brake.reference.mesh, brake.reference.elastic.free
+    density, motion, changes = {layer: material.rho}, scene_motion(scene), brake.reference.changes
+    with ExitStack() as lengths:
+        for names, shape in changes.shapes.items():
+            if layer in shape.layers:
+                lengths.enter_context(shape.applied(mesh, lengths_in(names, shape, brake.values)))
+        (K,) = affine_parts(mesh, free, [{layer: material.C}])
+        M = layer_masses(mesh, free, density, scene.mesh.mass == "lumped")[layer]
+        G = None
+        if layer.partition(".")[0] in turning_parts(scene) and isinstance(motion, Rotation):
+            G = gyroscopic(mesh, free, density, motion)
+    K.eliminate_zeros()
+    return K, M, G

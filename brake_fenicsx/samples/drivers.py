@@ -16,14 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.build.layers import layer_derivatives
+from brake_fenicsx.build.parametric import layer_derivatives
 from brake_fenicsx.macro.equilibrium import Equilibrium
-from brake_fenicsx.macro.equilibrium_change import (
-    BodyOperators,
-    EquilibriumChange,
-    equilibrium_change,
-)
-from brake_fenicsx.scene import Scene
+from brake_fenicsx.macro.equilibrium_change import EquilibriumChange, equilibrium_change
 from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.scalars import is_length
 from brake_fenicsx.stability.derivatives import (
@@ -40,7 +35,6 @@ from brake_fenicsx.stability.modes import Complex, Modes
 from brake_fenicsx.stability.substructures.vectors import ContactMotions
 
 from .equilibria import Equilibria
-from .models import Models
 from .solve import linearised
 
 if TYPE_CHECKING:
@@ -48,6 +42,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+_Arrays = dict[str, NDArray[Any]]
 
 # Change by which a derivative must hold to be trusted: of a parameter, relatively, and of a loss
 # factor.
@@ -59,36 +54,20 @@ SHARP = 1e-6
 ALL = "all"
 
 
-@dataclass(slots=True)
-class _Table:
-    """Derivatives of lambda to some parameters."""
-
-    names: list[tuple[str, str]] = field(default_factory=list)
-    steps: list[float] = field(default_factory=list)
-    values: list[Complex] = field(default_factory=list)
-
-    def add(self, parameter: str, kind: str, step: float, value: Complex) -> None:
-        self.names.append((parameter, kind))
-        self.steps.append(step)
-        self.values.append(value)
-
-
+@dataclass(frozen=True, slots=True)
 class Drivers:
-    """Derivatives of the unstable modes of any sample of a scene."""
+    """Derivatives of the unstable modes of any sample of a scene.
 
-    def __init__(self, scene: Scene, models: Models, equilibria: Equilibria):
-        """Take what all samples share."""
-        self._scene, self._models, self._equilibria = scene, models, equilibria
+    Attributes:
+        equilibria: what the equilibria of all samples share.
+    """
+
+    equilibria: Equilibria
 
     def of(
-        self,
-        sample: SampleInput,
-        eq: Equilibrium,
-        first: bool,
-        modes: Modes,
-        partner: Index,
+        self, sample: SampleInput, eq: Equilibrium, first: bool, modes: Modes, partner: Index,
         reduced: bool,
-    ) -> dict[str, Any]:
+    ) -> dict[str, Any]:  # fmt: skip
         """Derivatives of a sample's unstable modes, as arrays to store.
 
         Args:
@@ -110,8 +89,9 @@ class Drivers:
             return {}
         chosen, neighbours = _with_neighbours(modes.s, growing, partner)
         mirrored = np.isin(partner[chosen], growing) & ~np.isin(chosen, growing)
-        mirrored &= not self._models.reduction.damped(sample.approach)
-        table, maps, error = self._found(sample, eq, first, modes, chosen[~mirrored], reduced)
+        mirrored &= not self.equilibria.models.reduction.damped(sample.approach)
+        table = _Table(self.equilibria, sample, eq, reduced)
+        maps, error = table.fill(first, modes, chosen[~mirrored])
         # Without damping the partner's eigenvalue is -conj(lambda), and so is its derivative.
         values = np.zeros((len(table.values), chosen.size), complex)
         values[:, ~mirrored] = table.values
@@ -128,22 +108,28 @@ class Drivers:
             **{name: columns[:, own] for name, columns in maps.items()},
         }
 
-    def _found(
-        self,
-        sample: SampleInput,
-        eq: Equilibrium,
-        first: bool,
-        modes: Modes,
-        chosen: Index,
-        reduced: bool,
-    ) -> tuple[_Table, dict[str, NDArray[Any]], Array]:
-        """Derivatives of chosen modes, maps over the elements, and errors of the vectors."""
+
+@dataclass(slots=True)
+class _Table:
+    """Derivatives of lambda of some modes of a sample, to one parameter after the other."""
+
+    equilibria: Equilibria
+    sample: SampleInput
+    eq: Equilibrium
+    reduced: bool
+    names: list[tuple[str, str]] = field(default_factory=list)
+    steps: list[float] = field(default_factory=list)
+    values: list[Complex] = field(default_factory=list)
+
+    def fill(self, first: bool, modes: Modes, chosen: Index) -> tuple[_Arrays, Array]:
+        """Add all parameters; maps over the contact elements, and errors of the vectors."""
+        sample, eq = self.sample, self.eq
         w, contact = sample.brake.contact.w, linearised(sample, eq.k_vibration, eq.p)
         s, right, left = modes.s[chosen], modes.right[:, chosen], modes.left[:, chosen]
-        whole: tuple[Complex, Complex] | None = None if reduced else (right, left)
+        whole: tuple[Complex, Complex] | None = None if self.reduced else (right, left)
         errors: list[Array] = [np.zeros(s.size)]
-        if reduced:
-            model, p = self._models.reduction.of(sample), sample.brake.point
+        if self.reduced:
+            model, p = self.equilibria.models.reduction.of(sample), sample.brake.point
             motions, right, left = model.motions(p, contact, s, right, left)
             errors.append(motions.error)
             if first:
@@ -152,107 +138,87 @@ class Drivers:
                 whole = right, left
                 errors += [right_error, left_error]
         if whole is not None:
-            whole_motions = self._whole_motions(sample, eq, s, whole)
-            motions = motions if reduced else whole_motions
+            whole_motions = self._whole_motions(s, whole)
+            motions = motions if self.reduced else whole_motions
         d = contact_derivatives(motions, contact, sample.friction.mu, w)
-        table, maps = _Table(), dict[str, NDArray[Any]]()
-        self._contact(table, sample, eq, d, reduced)
+        maps: _Arrays = {}
+        self._contact(d)
         if whole is not None:
-            self._bodies(table, sample, eq, s, (*whole, whole_motions.slope))
+            self._bodies(s, (*whole, whole_motions.slope))
         if whole is not None and first:
             inertia = inner(whole[0], sample.brake.M @ whole[0]).real
             maps["driver_map"] = contact.k[:, None] * d.k
             maps["driver_work"] = friction_work(whole_motions, contact, w, inertia)
-        return table, maps, np.max(errors, axis=0)
+        return maps, np.max(errors, axis=0)
 
-    def _whole_motions(
-        self, sample: SampleInput, eq: Equilibrium, s: Complex, vectors: tuple[Complex, Complex]
-    ) -> ContactMotions:
-        b, brake = sample.brake.contact, sample.brake
-        pencil = QuadraticPencil(brake.M, brake.C(sample.friction, eq.p), brake.reference.K)
+    def _add(self, parameter: str, kind: str, value: Complex, step: float = STEP) -> None:
+        self.names.append((parameter, kind))
+        self.steps.append(step)
+        self.values.append(value)
+
+    def _whole_motions(self, s: Complex, vectors: tuple[Complex, Complex]) -> ContactMotions:
+        brake, b = self.sample.brake, self.sample.brake.contact
+        C = brake.C(self.sample.friction, self.eq.p)
+        pencil = QuadraticPencil(brake.M, C, brake.reference.K)
         rows = {"N": b.N, "T": b.T, "R": b.R}
         return motions_of_vectors(rows, pencil, s, *vectors)
 
-    def _contact(
-        self,
-        table: _Table,
-        sample: SampleInput,
-        eq: Equilibrium,
-        d: ContactDerivatives,
-        reduced: bool,
-    ) -> None:
+    def _contact(self, d: ContactDerivatives) -> None:
         """Friction of each interface, loads, and the stiffness of the contact."""
-        w, friction = sample.brake.contact.w, sample.friction
-        bodies = self._equilibria.bodies(sample, reduced)
-        state = bodies.compliance, w, sample.laws, eq
+        brake, friction, eq = self.sample.brake, self.sample.friction, self.eq
+        scene, w = brake.values.scene, brake.contact.w
+        bodies = self.equilibria.bodies(self.sample, self.reduced)
+        state = bodies.compliance, w, self.sample.laws, eq
 
         def moved(new: EquilibriumChange, mu: Array) -> Complex:
-            along, across = sample.brake.rates(friction, new.p)
-            across = across + sample.brake.rates(replace(friction, mu=mu), eq.p)[1]
+            along, across = brake.rates(friction, new.p)
+            across = across + brake.rates(replace(friction, mu=mu), eq.p)[1]
             return d.chain(new.k, mu, along, across)
 
-        for i, (name, interface) in enumerate(self._scene.contact.items()):
-            if not slides(self._scene, name):
+        for i, (name, interface) in enumerate(scene.contact.items()):
+            if not slides(scene, name):
                 continue
-            on = (sample.brake.contact.interface == i).astype(float)
+            on = (brake.contact.interface == i).astype(float)
             step = STEP * float(on @ friction.mu) / max(float(on.sum()), 1.0)
             in_equilibrium = on * interface.friction_in_equilibrium
             value = moved(equilibrium_change(*state, mu=in_equilibrium), on)
-            table.add(name, "friction", step, value)
-        none, faces = np.zeros_like(w), sorted(self._scene.loads)
-        loads = [
-            moved(equilibrium_change(*state, Nf=Nf), none)
-            for Nf in self._loads(sample, reduced, bodies)
-        ]
+            self._add(name, "friction", value, step)
+        none, faces = np.zeros_like(w), sorted(scene.loads)
+        gaps = self._gaps_of_loads(bodies.compliance.Nf)
+        loads = [moved(equilibrium_change(*state, Nf=Nf), none) for Nf in gaps]
         for face, value in zip(faces, loads, strict=True):
-            table.add(face, "load", STEP, value)
+            self._add(face, "load", value)
         if len(faces) > 1:
-            table.add(ALL, "load", STEP, np.sum(loads, axis=0))
-        k = d.chain(eq.k_vibration, none, none, none)
-        table.add(ALL, "contact stiffness", STEP, k)
+            self._add(ALL, "load", np.sum(loads, axis=0))
+        self._add(ALL, "contact stiffness", d.chain(eq.k_vibration, none, none, none))
 
-    def _bodies(
-        self,
-        table: _Table,
-        sample: SampleInput,
-        eq: Equilibrium,
-        s: Complex,
-        vectors: tuple[Complex, ...],
-    ) -> None:
+    def _gaps_of_loads(self, together: Array) -> Sequence[Array]:
+        """Gaps under each load of the sample alone [m], of all together, in the order of faces."""
+        sizes, out = self.sample.brake.pressures, list[Array]()
+        for alone in np.diag(sizes)[:-1]:
+            own = self.equilibria.bodies(self.sample, self.reduced, alone)
+            out.append(own.compliance.Nf)
+        return [*out, together - sum(out)] if sizes.size else []
+
+    def _bodies(self, s: Complex, vectors: tuple[Complex, ...]) -> None:
         """Stiffness, mass and loss factor of each layer, and thicknesses that vary."""
-        found = layer_derivatives(sample.brake, s, vectors)
-        for (layer, kind), value in found.items():
-            table.add(layer, kind, LOSS_STEP if kind == "loss factor" else STEP, value)
-        changes = self._models.brake.changes
-        for name in filter(is_length, () if changes is None else changes.box.names):
-            table.add(name, "length", STEP, self._length(name, sample, eq, s, vectors))
+        for (layer, kind), value in layer_derivatives(self.sample.brake, s, vectors).items():
+            self._add(layer, kind, value, LOSS_STEP if kind == "loss factor" else STEP)
+        for name in filter(is_length, self.sample.brake.reference.changes.box.names):
+            self._add(name, "length", self._length(name, s, vectors))
 
-    def _length(
-        self,
-        name: str,
-        sample: SampleInput,
-        eq: Equilibrium,
-        s: Complex,
-        vectors: tuple[Complex, ...],
-    ) -> Complex:
+    def _length(self, name: str, s: Complex, vectors: tuple[Complex, ...]) -> Complex:
         """D lambda / d ln h of a length, shape (modes,)."""
+        sample, eq = self.sample, self.eq
         size, out = sample.values.value(name), np.zeros(s.size, complex)
         for step in (STEP, -STEP):
-            there = self._models.brake.at({**sample.values, name: size * (1 + step)})
+            there = sample.brake.reference.at({**sample.values, name: size * (1 + step)})
             b, C = there.contact, there.C(sample.friction, eq.p)
             K = there.stiffness_change
             K = tangent(K, b.N, b.T, b.w, eq.k_vibration, sample.friction.mu)
             change = bilinear(K, *vectors) + s**2 * bilinear(there.M, *vectors)
             out += (change if C is None else change + s * bilinear(C, *vectors)) / (2 * step)
         return out
-
-    def _loads(self, sample: SampleInput, reduced: bool, bodies: BodyOperators) -> Sequence[Array]:
-        """Gaps under each load of the sample alone, in the order of the faces."""
-        sizes, out = sample.brake.pressures, list[Array]()
-        for alone in np.diag(sizes)[:-1]:
-            own = self._equilibria.bodies(sample, reduced, alone)
-            out.append(own.compliance.Nf)
-        return [*out, bodies.compliance.Nf - sum(out)] if sizes.size else []
 
 
 def _with_neighbours(

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.damping_terms import record
-from brake_fenicsx.build.parametric import ParametricBrake, parametric_brake
+from brake_fenicsx.build.parametric import ParametricBrake
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.macro.condensation import Compliance, UnitLoads, compliance
+from brake_fenicsx.macro.condensation import Compliance, Solves, UnitLoads, compliance
 from brake_fenicsx.macro.equilibrium import Condensed
 from brake_fenicsx.scene import Scene, Stability
 from brake_fenicsx.scene.digest import bodies_key
 
-from .coordinates import SHAPES, FamilyCoordinates, layer_grams, reference_shapes
 from .numbering import FILE as DOFS
 from .numbering import Numbering
 from .reduced_models import ReducedModels
@@ -31,6 +32,10 @@ if TYPE_CHECKING:
     from brake_fenicsx.stability.substructures import ReducedModel
 
 Array = NDArray[np.float64]
+
+SHAPES, LAYERS = "cache/shapes.npz", "cache/layers.npz"
+# Real modes up to this multiple of the band tell modes apart where there is no reduced model.
+FAMILIES = 1.3
 
 
 class Models:
@@ -70,10 +75,6 @@ class Models:
         self.stability: Stability | None = self.reduction.stability
         self.facts: dict[str, Any] = {}
 
-    def assemble(self, brake: Brake) -> None:
-        """Assemble what random and swept scalars change in the operators of the scene."""
-        self.brake = parametric_brake(self._scene, brake)
-
     def prepare(self, k0: Array) -> None:
         """Make or load what the samples share, on springs k0 [Pa/m]; collective."""
         b, shapes = self.brake, None
@@ -82,13 +83,15 @@ class Models:
                 self.numbering = Numbering(b, self._store, self._comm)
             self.reduction.prepare(b, self.numbering, k0)
             self.facts |= self.reduction.facts
-            self._note_damping()
+            if acting := record(self._scene, b.contact):
+                self.facts["damping"] = acting
+            for term, numbers in acting.items():
+                said = ", ".join(f"{name} = {value}" for name, value in numbers.items())
+                logger.info("damping, %s: %s", term, said)
         model = next(iter(self.reduction.models.values()), None)
         if model is not None:
             self.loads = _reduced_loads(model, b, k0)
-            grams = layer_grams(
-                model, lambda: b.masses, self.numbering.mark, self._store, self._comm
-            )
+            grams = layer_grams(model, b, self.numbering.mark, self._store, self._comm)
             self.coordinates = FamilyCoordinates(b, model, None, grams)
         else:
             whole = compliance(b.K, b.N, b.T, b.w, b.f, k0, self._comm)
@@ -103,15 +106,6 @@ class Models:
             self.coordinates = FamilyCoordinates(b, None, shapes)
         release_memory()
 
-    def _note_damping(self) -> None:
-        """Say what damps the samples; for the summary too."""
-        acting = record(self._scene, self.brake.contact)
-        if acting:
-            self.facts["damping"] = acting
-        for term, numbers in acting.items():
-            said = ", ".join(f"{name} = {value}" for name, value in numbers.items())
-            logger.info("damping, %s: %s", term, said)
-
 
 def _reduced_loads(model: ReducedModel, brake: ParametricBrake, k0: Array) -> UnitLoads:
     """Compliance under unit loads as a reduced model knows it."""
@@ -121,3 +115,97 @@ def _reduced_loads(model: ReducedModel, brake: ParametricBrake, k0: Array) -> Un
         unit = Condensed(Compliance(None, k0, NN, NT, Nf, 0.0), brake.w, none, 0.0)
         carried.append(-float(np.sum(brake.w * k0 * unit.linear(1.0, none, k0))))
     return UnitLoads(Compliance(None, k0, NN, NT, gaps.sum(axis=1)), gaps, np.array(carried))
+
+
+@dataclass(frozen=True, slots=True)
+class FamilyCoordinates:
+    """Coordinates that modes of any sample of a study are followed in.
+
+    Those of the kept modes of a reduced model; of a study at full order those of real modes of the
+    reference, if it has any.
+
+    Attributes:
+        brake: the brake.
+        model: a reduced model of it.
+        shapes: real modes, shape (dofs, modes).
+        grams: mass of each layer between the kept modes of the reduced models, shape (kept modes,
+            kept modes); none at full order.
+    """
+
+    brake: ParametricBrake
+    model: ReducedModel | None
+    shapes: Array | None
+    grams: dict[str, Array] = field(default_factory=dict)
+
+    def of(self, u: NDArray[Any]) -> NDArray[Any] | None:
+        """Coordinates of displacements, shape (dofs, columns); None without any."""
+        if self.model is not None:
+            return self.model.coordinates(self.brake.central_mass, u)
+        return None if self.shapes is None else self.shapes.T @ (self.brake.M @ u)
+
+    def displacements(self, coordinates: NDArray[Any]) -> NDArray[Any]:
+        """Displacements of modes by their coordinates alone.
+
+        Args:
+            coordinates: shape (coordinates, columns).
+
+        Returns:
+            Shape (dofs, columns).
+        """
+        if self.model is not None:
+            return self.model.kept_displacements(coordinates)
+        if self.shapes is None:
+            raise ValueError("families have no coordinates")
+        return np.asarray(self.shapes @ coordinates)
+
+
+def layer_grams(
+    model: ReducedModel, brake: ParametricBrake, mark: str, store: Store, comm: MPI.Comm
+) -> dict[str, Array]:
+    """Layers' masses of the kept modes, from the folder where they are there; collective.
+
+    Args:
+        model: the reduced model.
+        brake: the brake, whose layers have masses.
+        mark: tells the mesh.
+        store: the results folder.
+        comm: processes of the run.
+    """
+    mark = f"{mark} {model.bodies[-1].modes.stop}"
+
+    def make() -> dict[str, Array]:
+        stored = store.load(LAYERS) or {}
+        if str(stored.pop("mark", "")) == mark:
+            return {key.removeprefix("of_"): gram for key, gram in stored.items()}
+        made = {name: model.coordinates(A) for name, A in brake.masses.items()}
+        named = {f"of_{name}": gram for name, gram in made.items()}
+        store.save(LAYERS, mark=np.array(mark), **named)
+        return made
+
+    return on_first(make, comm)
+
+
+def reference_shapes(
+    factor: Solves, M: sp.csr_matrix, end: float, store: Store, comm: MPI.Comm
+) -> Array:
+    """Real modes of the reference that families are followed in, shape (dofs, modes); collective.
+
+    They are kept: an eigensolver may return them with other signs.
+
+    Args:
+        factor: of the reference stiffness.
+        M: mass [kg].
+        end: of the band [Hz].
+        store: the results folder.
+        comm: processes of the run.
+    """
+    from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
+
+    def make() -> Array:
+        if (stored := store.load(SHAPES)) is not None:
+            return np.asarray(stored["shapes"])
+        shapes = lowest_modes(factor, M, (2 * np.pi * FAMILIES * end) ** 2).Phi
+        store.save(SHAPES, shapes=shapes)
+        return shapes
+
+    return np.asarray(on_first(make, comm))

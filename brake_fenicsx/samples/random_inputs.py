@@ -11,16 +11,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.build.distributions import quantile
 from brake_fenicsx.build.material_table import nominal_value, stiffness
-from brake_fenicsx.build.values import Values
+from brake_fenicsx.build.values import Values, quantile
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.material import engineering_constants
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.samples_section import is_constant, split_key
 
-from .designs import RIGID, correlated, correlation_root, design_points, design_size
+from .designs import RIGID, correlated, correlation_root, design_points
 
 Array = NDArray[np.float64]
 
@@ -41,15 +40,6 @@ def points_of(scene: Scene, approach: str) -> Array | None:
         return None
     seed = np.random.SeedSequence(samples.seed, spawn_key=(DESIGN_SEEDS[approach],))
     return design_points(samples.plan(approach), len(samples.random), seed)
-
-
-def size_of(scene: Scene, approach: str) -> int:
-    """Samples of an approach that has random inputs or rough contact."""
-    plan = scene.samples.plan(approach)
-    if not scene.samples.takes_random(approach):
-        return plan.n
-    correlation_root(scene.samples.random, plan.design)
-    return design_size(plan, len(scene.samples.random))
 
 
 def draw_inputs(

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.build.box import Box
-from brake_fenicsx.build.damping_terms import with_modal_damping
+from brake_fenicsx.build.damping_terms import Terms, with_modal_damping
 from brake_fenicsx.build.parametric import ParametricBrake
 from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
@@ -60,6 +60,9 @@ class ReducedModels:
         facts: for the summary.
     """
 
+    _brake: ParametricBrake
+    _body: NDArray[np.intp]  # of each dof
+
     def __init__(
         self, scene: Scene, counts: Mapping[str, int], store: Store, cache: SharedCache,
         comm: MPI.Comm,
@@ -76,11 +79,11 @@ class ReducedModels:
 
     def prepare(self, brake: ParametricBrake, numbering: Numbering, k0: Array) -> None:
         """Make or load the models on springs k0 [Pa/m]; collective."""
-        self.mark = numbering.mark
+        self.mark, self._brake, self._body = numbering.mark, brake, numbering.body
         for damped in (False, True):
             names = [n for n, r in self.by_reduction.items() if r and self.damped(n) == damped]
             if names:
-                self._reduce(damped, names, brake, numbering, k0)
+                self._reduce(damped, names, k0)
         settings = self.stability
         for name in lone_samples(self._scene, self._counts):
             logger.info(
@@ -109,11 +112,10 @@ class ReducedModels:
     def takes(self, sample: SampleInput) -> bool:
         """Whether a reduced model takes a sample: its bodies lie in the box."""
         changes, approach = sample.brake.reference.changes, sample.approach
-        if changes is not None:
-            changes.check_range(sample.values)
+        changes.check_range(sample.values)
         if not self.by_reduction[approach]:
             return False
-        held = changes is None or changes.box.holds(sample.values)
+        held = changes.box.holds(sample.values)
         if not held and self._by_ratio(approach):
             raise SceneError(
                 f"stability.damping.modal: materials of a sample of {approach!r} lie outside of the"
@@ -132,20 +134,17 @@ class ReducedModels:
         names = {*drawn, *(sweep.parameters if sweep else ())}
         return any(changes_bodies(self._scene, name) for name in names)
 
-    def _reduce(
-        self, damped: bool, names: list[str], brake: ParametricBrake, numbering: Numbering,
-        k0: Array,
-    ) -> None:  # fmt: skip
+    def _reduce(self, damped: bool, names: list[str], k0: Array) -> None:
         """Reduced model of some approaches; full order for them only if the scene says so."""
         from brake_fenicsx.stability.substructures import ContactLinearisation
 
-        file, changes = f"cache/{'damped' if damped else 'undamped'}.npz", brake.changes
-        friction = friction_of_contact(brake.contact, names[0], Values(self._scene))
+        file, box = f"cache/{'damped' if damped else 'undamped'}.npz", self._brake.changes.box
+        friction = friction_of_contact(self._brake.contact, names[0], Values(self._scene))
         usual = ContactLinearisation.of(k0, friction.mu)
-        depends = self.depends(self._acting(damped, changes.box if changes else Box(self._scene)))
+        depends = self.depends(self._acting(damped, box))
         try:
             with self._cache.shared(file, lambda: depends, self._comm):
-                model = self._model(damped, file, brake, numbering, usual)
+                model = self._model(damped, file, usual)
         except StorageError:
             raise
         except BrakeError as error:
@@ -172,17 +171,17 @@ class ReducedModels:
             "bodies": len(model.bodies),
             "complete_up_to_hz": model.complete_up_to,
             "seconds": model.seconds,
-            **(self._note_shortfall(model, usual, changes.box) if changes else {}),
+            **self._note_shortfall(model, usual),
         }
 
     def _note_shortfall(
-        self, model: ReducedModel, usual: ContactLinearisation, box: Box
+        self, model: ReducedModel, usual: ContactLinearisation
     ) -> dict[str, str | float]:
         """Say before the samples where their modes will miss the tolerance; for the summary too."""
         from brake_fenicsx.stability.substructures import shortfall
 
-        settings = self.stability
-        if settings is None:
+        settings, box = self.stability, self._brake.changes.box
+        if settings is None or not box.names:
             return {}
         lacking = self._comm.bcast(shortfall(model, usual, settings.tolerance))
         if lacking is None:
@@ -203,10 +202,7 @@ class ReducedModels:
         )  # fmt: skip
         return {"largest_error": lacking.error, "ranges_that_hold": holds}
 
-    def _model(
-        self, damped: bool, file: str, brake: ParametricBrake, numbering: Numbering,
-        usual: ContactLinearisation,
-    ) -> ReducedModel:  # fmt: skip
+    def _model(self, damped: bool, file: str, usual: ContactLinearisation) -> ReducedModel:
         """A reduced model, from the folder where it is there."""
         from brake_fenicsx.stability.substructures import (
             CONSTANT,
@@ -215,25 +211,22 @@ class ReducedModels:
             split_substructures,
         )
 
-        stability = self.stability
+        stability, brake = self.stability, self._brake
         if stability is None:
             raise ValueError("a scene without [stability] has no modes")
         band = stability.band[0], stability.band[1]
         changing = any(self._changes_bodies(n) for n in self.by_reduction)
-        changes = brake.changes if changing else None
-        parameters = changes.parameters if changes else CONSTANT
+        parameters = brake.changes.parameters if changing else CONSTANT
         if (known := self._known(file)) is not None:
             logger.info("reduced model: from the cache")
             return ReducedModel(known, brake.w, band, parameters)
-        terms = brake.terms if damped else None
-        followed, C = "N", None
-        if terms is not None:
-            followed, C = "N" + "T" * terms.falls + "R" * terms.turns, terms.bulk
+        terms = brake.terms if damped else Terms()
+        followed = "N" + "T" * terms.falls + "R" * terms.turns
         points = dof_points(brake)
         bodies = split_substructures(
             brake.K, brake.M, {"N": brake.N, "T": brake.T, "R": brake.R}, brake.unit_loads,
-            changes.matrices if changes else [], C,
-            np.column_stack([points, body_centres(points, numbering.body)]),
+            brake.changes.matrices if changing else [], terms.bulk,
+            np.column_stack([points, body_centres(points, self._body)]),
         )  # fmt: skip
         if damped:
             bodies = with_modal_damping(self._scene, bodies, brake.masses)

@@ -38,14 +38,13 @@ from brake_fenicsx.scene.approaches import friction_of
 from brake_fenicsx.scene.contact_section import LAWS
 from brake_fenicsx.scene.scalars import SPEED
 
-from .designs import roughness_of
+from .designs import correlation_root, design_size, roughness_of
 from .random_inputs import (
     PERFECT,
     check_values,
     draw_inputs,
     law_factor,
     scaled_interfaces,
-    size_of,
 )
 
 if TYPE_CHECKING:
@@ -137,20 +136,15 @@ def draw_sample(
         check_values(approach, drawn)
     brake = at(drawn)
     if approach in PERFECT:
-        penalty = drawn.get(PENALTY, scene.samples.classical.penalty)
-        laws = perfect_contact(penalty, brake.contact.interface.size)
+        penalty = linear_law(drawn.get(PENALTY, scene.samples.classical.penalty))
+        none = np.zeros(brake.contact.interface.size)
+        laws = EnrichedGap(OneLaw(penalty), none.astype(np.intp), none)
     elif laws is None or drawn.materials:
         # Each kind of draw has its own child, so that naming one does not change the others.
         streams = _streams(sample_seed(scene.samples.seed, shared))
         laws = _rough(brake, library, (hdf, waviness), (streams[0], streams[1]))
     friction = friction_of_contact(brake.contact, approach, drawn)
     return SampleInput(approach, seed, brake, laws, friction, rejected)
-
-
-def perfect_contact(penalty: float, elements: int) -> EnrichedGap:
-    """A penalty [Pa/m] for every element, no critical gap."""
-    index = np.zeros(elements, dtype=np.intp)
-    return EnrichedGap(OneLaw(linear_law(penalty)), index, np.zeros(elements))
 
 
 def friction_of_contact(contact: Contact, approach: str, values: Values) -> SlidingFriction:
@@ -261,7 +255,11 @@ def one_law(law: LawTable) -> OneLaw:
 
 def sample_count(scene: Scene, approach: str = "multi-scale") -> int:
     """Samples of an approach: many if the scene names uncertainty and something is random."""
+    samples = scene.samples
     if approach == "classical" or "uncertainty" not in scene.stages:
         return 1
-    drawn = scene.samples.plan(approach).rough or scene.samples.takes_random(approach)
-    return size_of(scene, approach) if drawn else 1
+    plan = samples.plan(approach)
+    if not samples.takes_random(approach):
+        return plan.n if plan.rough else 1
+    correlation_root(samples.random, plan.design)
+    return design_size(plan, len(samples.random))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.build.brake import Brake
+from brake_fenicsx.build.parametric import parametric_brake
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.extensions import beside_samples, load
 from brake_fenicsx.folder.cache import SharedCache
@@ -90,7 +91,8 @@ class Study:
         self.points: dict[str, Array | None] = {name: points_of(scene, name) for name in approaches}
         self.tasks: list[Task] = [(name, k) for name in approaches for k in range(count[name])]
         self.models: Models = Models(scene, count, store, comm, cache or SharedCache(store))
-        self.equilibria: Equilibria | None = None
+        steps = max((load.steps for load in scene.loads.values()), default=1)
+        self.equilibria = Equilibria(self.models, steps, scene.equilibrium.tolerance)
         self._displaced: dict[Task, Array] = {}
         self._first: dict[str, Array | None] = {}
         # Of the last sample, with the scene's moduli.
@@ -111,18 +113,16 @@ class Study:
         """Factor the reference, and make or load the reduced models."""
         brake, models = self.brake, self.models
         note_laws(self.scene)
-        models.assemble(brake)
+        models.brake = parametric_brake(self.scene, brake)
         pressure = brake.pressed / float(brake.w.sum())
         # Any value serves; a round one is that of similar scenes too.
         k0 = float(f"{reference_stiffness(self._reference_laws(), pressure):.1e}")
         models.prepare(np.full(len(brake.w), k0))
         self.facts |= {"reference_stiffness_Pa_per_m": k0, **models.facts}
-        steps = max((load.steps for load in self.scene.loads.values()), default=1)
-        self.equilibria = Equilibria(models, steps, self.scene.equilibrium.tolerance)
         if models.stability is not None and models.stability.drivers:
             from .drivers import Drivers
 
-            self.drivers = Drivers(self.scene, models, self.equilibria)
+            self.drivers = Drivers(self.equilibria)
         if models.stability is not None:
             works = beside_samples(self.scene)
             self.beside = {what: load(name)(self.scene, models) for what, name in works.items()}
@@ -204,7 +204,7 @@ class Study:
         k, models, own = task[1], self.models, task[0] != VERIFY
         reduced = own and models.reduction.takes(sample)
         start = self._first_gaps(sample.approach) if k and reduced else None
-        sample, eq = self._prepared.of(sample, reduced, start)
+        sample, eq = self.equilibria.of(sample, reduced, start)
         out: dict[str, Any] = {
             "mu_equilibrium": sample.friction.equilibrium,
             "g": eq.g, "g_cr": sample.laws.g_cr, "p": eq.p, "k": eq.k,
@@ -260,16 +260,15 @@ class Study:
         from .solve import full_modes, reduced_modes
 
         models = self.models
-        known = models.brake.changes.box.names if models.brake.changes else []
         for key in values:
-            if changes_bodies(self.scene, key) and key not in known:
+            if changes_bodies(self.scene, key) and key not in models.brake.changes.box.names:
                 raise SceneError(
                     f"{key}: enters the matrices of the bodies; name it in [sweep.parameters] or"
                     " [samples.random], or give its range to prepare(.., parameters={..})"
                 )
         sample = self.sample(task, values)
         reduced = models.reduction.takes(sample)
-        sample, eq = self._prepared.of(sample, reduced, start)
+        sample, eq = self.equilibria.of(sample, reduced, start)
         if reduced:
             return eq, reduced_modes(models, sample, eq, line)
         modes = full_modes(models, sample, eq)
@@ -289,15 +288,9 @@ class Study:
         """Displacements of the equilibria of stored samples [m], shape (dofs,) each; kept."""
         if self._displaced.keys() != stored.keys():
             given = [(self.sample(task), data) for task, data in stored.items()]
-            found = self._prepared.displacements(given)
+            found = self.equilibria.displacements(given)
             self._displaced = dict(zip(stored, found, strict=True))
         return self._displaced
-
-    @property
-    def _prepared(self) -> Equilibria:
-        if self.equilibria is None:
-            raise ValueError("prepare() comes first")
-        return self.equilibria
 
     def sample(self, task: Task, values: Mapping[str, float] | None = None) -> SampleInput:
         """A sample with its brake, laws and friction, before its equilibrium.
@@ -322,7 +315,7 @@ class Study:
         self, sample: SampleInput, reduced: bool = False, start: Array | None = None
     ) -> Equilibrium:
         """Braking equilibrium of a sample; see ``Equilibria.of``."""
-        return self._prepared.of(sample, reduced, start)[1]
+        return self.equilibria.of(sample, reduced, start)[1]
 
     def stored(self, task: Task) -> dict[str, Any]:
         """What was stored of a sample."""

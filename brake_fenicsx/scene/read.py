@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.arguments import of_kind
-from brake_fenicsx.endings import MESH_FILES
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.extensions import Extensions, load, named, own_class
+from brake_fenicsx.extensions import MESH_FILES, Extensions, load, named, own_class
 
 from .bodies_section import DIRECTIONS, Held
 from .contact_section import with_table

@@ -11,7 +11,7 @@ import pytest
 import scipy.sparse as sp
 
 from brake_fenicsx.build.brake import assemble_brake
-from brake_fenicsx.build.inventory import check_free_motions
+from brake_fenicsx.build.brake_doubts import check_free_motions
 from brake_fenicsx.description import describe
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.rawmesh import FACETS

@@ -12,10 +12,10 @@ import scipy.sparse as sp
 
 from brake_fenicsx.build import brake as brake_module
 from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.brake_doubts import placement_doubts
 from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.build.interfaces import scene_motion
-from brake_fenicsx.build.inventory import placement_doubts
-from brake_fenicsx.build.part_builders import scene_mesh
+from brake_fenicsx.build.scene_mesh import scene_mesh
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.resultants import pad_forces
 from brake_fenicsx.macro.sliding_friction import Rotation

@@ -1,7 +1,6 @@
 """Faces glued together: patch test, rigid motions, glued meshes, what is glued and what is not."""
 
 import logging
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -301,13 +300,6 @@ def test_a_part_tied_to_one_that_turns_turns_too():
     with pytest.raises(SceneError, match=r'cap does not turn.*gyroscopic = \["block", "cap"\]'):
         read_scene(BLOCK, turning)
     read_scene(BLOCK, [*turning, 'stability.damping.gyroscopic=["block", "cap"]'])
-
-
-def test_a_scene_without_ties_imports_nothing_of_them(monkeypatch):
-    monkeypatch.setitem(sys.modules, "brake_fenicsx.build.joints", None)
-    assemble_brake(read_scene(BLOCK, [*CAP, "ties={}"]), MPI.COMM_SELF)
-    with pytest.raises(ImportError):
-        assemble_brake(read_scene(BLOCK, CAP), MPI.COMM_SELF)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.changes import assemble_changes
 from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.build.lengths import movement
-from brake_fenicsx.build.part_builders import mesh_settings, scene_mesh
+from brake_fenicsx.build.scene_mesh import mesh_settings, scene_mesh
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.geometry import block
 from brake_fenicsx.macro.morphing import Move, moving
@@ -541,7 +541,7 @@ def test_cells_that_fold_between_two_good_meshes(written):
 
     scene = read_scene(written(kind=("tetrahedra", 1), move=turned))
     mesh = scene_mesh(scene, MPI.COMM_SELF)
-    move = Move(KEY, 12e-3, (8e-3, 12e-3), movement(scene, mesh.raw, ["pad", "plate"], KEY))
+    move = Move(KEY, 12e-3, (8e-3, 12e-3), movement(scene, mesh.raw, KEY))
     with pytest.raises(SceneError, match=r"collapses; the mesh holds to 0.01\d* m"):
         moving(mesh, mesh_settings(scene), [move], {})
 

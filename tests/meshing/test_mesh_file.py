@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from brake_fenicsx.build.mesh_files import grouped_file
+from brake_fenicsx.build.scene_mesh import grouped_file
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus import read_abaqus
 from brake_fenicsx.meshing.brake_mesh import check_cells, tagged_mesh

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.build.brake import assemble_brake, check_brake
-from brake_fenicsx.build.part_builders import scene_mesh, scene_raw_mesh
+from brake_fenicsx.build.scene_mesh import scene_mesh, scene_raw_mesh
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import BUILDERS, read_scene
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from brake_fenicsx.build.distributions import quantile
+from brake_fenicsx.build.values import quantile
 from brake_fenicsx.results.probabilities import (
     Ensemble,
     Outcome,

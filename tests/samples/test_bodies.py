@@ -1,6 +1,5 @@
 """Samples whose materials and loads differ from the scene's, against scenes written that way."""
 
-import csv
 from pathlib import Path
 
 from mpi4py import MPI
@@ -20,6 +19,7 @@ from brake_fenicsx.pipeline import run
 from brake_fenicsx.samples.random_inputs import draw_inputs
 from brake_fenicsx.samples.sampling import draw_sample
 from brake_fenicsx.scene import read_scene
+from full_order import stored_eigenvalues, text_rows
 
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
@@ -141,19 +141,6 @@ def heights():
     return match_moments(3e-6, 0.0, 3.0)
 
 
-def rows(path):
-    with path.open() as file:
-        return list(csv.DictReader(file))
-
-
-def eigenvalues(folder, approach, sample):
-    """lambda [1/s] and its stated error of every mode of a sample."""
-    table = rows(folder / "modes.csv")
-    own = [r for r in table if (r["approach"], r["sample"]) == (approach, str(sample))]
-    s = [complex(float(r["real_1_s"]), 2 * np.pi * float(r["frequency_hz"])) for r in own]
-    return np.array(s), np.array([float(r["error_estimate"]) for r in own])
-
-
 def same_modes(a, b, more=1e-8):
     """Eigenvalues agree within a little and the errors that both state."""
     (s, e), (t, f) = a, b
@@ -165,7 +152,7 @@ def same_modes(a, b, more=1e-8):
 def test_random_load_and_material_give_the_modes_of_the_scene_written_so(tmp_path):
     """The whole path of sample 1: draw, equilibrium, full order."""
     run(BLOCK, COMM, tmp_path / "a", [*COARSE, C44, LOAD, "samples.n=2", "stability.method=full"])
-    drawn = rows(tmp_path / "a" / "samples.csv")[1]
+    drawn = text_rows(tmp_path / "a" / "samples.csv")[1]
     sets = [
         f"materials.lining.C44='{drawn['materials.lining.C44']} Pa'",
         f"loads.\"block.top\".pressure='{drawn['loads.block.top.pressure']} Pa'",
@@ -173,10 +160,10 @@ def test_random_load_and_material_give_the_modes_of_the_scene_written_so(tmp_pat
     ]
     # The laws of the second scene are not scaled: its own modulus is what they are made for.
     run(BLOCK, COMM, tmp_path / "b", [*COARSE, *sets, "stability.method=full"])
-    found = same_modes(*(eigenvalues(tmp_path / n, "multi-scale", 1) for n in "ab"))
+    found = same_modes(*(stored_eigenvalues(tmp_path / n, "multi-scale", 1) for n in "ab"))
     assert found.max() < 1e-8
     assert drawn["rejected"] == "0"
-    family = [int(r["family"]) for r in rows(tmp_path / "a" / "modes.csv")]
+    family = [int(r["family"]) for r in text_rows(tmp_path / "a" / "modes.csv")]
     assert min(family) >= 0
 
 
@@ -190,10 +177,10 @@ def test_materials_and_load_in_the_reduced_model(tmp_path):
     run(BLOCK, COMM, tmp_path / "a", given)
     run(BLOCK, COMM, tmp_path / "b", [*given, "stability.method=full"])
     for k in range(2):
-        both = (eigenvalues(tmp_path / n, "multi-scale", k) for n in "ab")
+        both = (stored_eigenvalues(tmp_path / n, "multi-scale", k) for n in "ab")
         # The equilibrium, through the compliance, has an interpolation error of its own.
         assert same_modes(*both, more=1e-6).max() < 1e-5
-    a, b = (rows(tmp_path / n / "modes.csv") for n in "ab")
+    a, b = (text_rows(tmp_path / n / "modes.csv") for n in "ab")
     for found, exact in zip(a, b, strict=True):
         assert found["verdict"] in (exact["verdict"], "neutral")
     shares = [[float(r[c]) for r in t for c in r if c.startswith("share_")] for t in (a, b)]
@@ -215,15 +202,6 @@ def test_materials_that_no_box_can_hold_go_to_full_order(tmp_path):
     assert "full order" in (tmp_path / "a" / "log.txt").read_text()
 
 
-def test_random_load_alone_keeps_the_reduced_path(tmp_path):
-    run(BLOCK, COMM, tmp_path / "a", [*COARSE, LOAD, "samples.n=3"])
-    p = rows(tmp_path / "a" / "samples.csv")[1]["loads.block.top.pressure"]
-    load = f"loads.\"block.top\".pressure='{p} Pa'"
-    run(BLOCK, COMM, tmp_path / "b", [*COARSE, load, "samples.n=3"])
-    found = same_modes(*(eigenvalues(tmp_path / n, "multi-scale", 1) for n in "ab"))
-    assert found.max() < 1e-4
-
-
 def test_friction_alone_goes_through_the_reduced_path_also_in_perfect_contact(tmp_path):
     """The penalty is far from the reference stiffness: errors grow, and must be stated."""
     fast = ["samples.approaches=['multi-scale','parametric']", "samples.parametric.design=rbd-fast"]
@@ -231,9 +209,9 @@ def test_friction_alone_goes_through_the_reduced_path_also_in_perfect_contact(tm
     run(BLOCK, COMM, tmp_path / "a", law)
     run(BLOCK, COMM, tmp_path / "b", [*law, "stability.method=full"])
     for k in range(2):
-        found = same_modes(*(eigenvalues(tmp_path / n, "parametric", k) for n in "ab"))
+        found = same_modes(*(stored_eigenvalues(tmp_path / n, "parametric", k) for n in "ab"))
         assert 0 < found.max() < 3e-4
-    samples = rows(tmp_path / "a" / "samples.csv")
+    samples = text_rows(tmp_path / "a" / "samples.csv")
     assert all(s["contact.block_plate.friction"] == "" for s in samples[:2])
     assert len({s["contact.block_plate.friction"] for s in samples[2:]}) == 2
 
@@ -245,7 +223,7 @@ def test_tolerance_of_the_scene_decides_how_accurate_the_model_is(tmp_path):
     for name, tolerance in (("loose", 1e-2), ("tight", 1e-6)):
         given = [*COARSE, MU, *fast, "samples.n=2", f"stability.tolerance={tolerance}"]
         run(BLOCK, COMM, tmp_path / name, given)
-        both = [eigenvalues(tmp_path / name, "parametric", k) for k in range(2)]
+        both = [stored_eigenvalues(tmp_path / name, "parametric", k) for k in range(2)]
         worst.append(max(np.max(e / np.abs(s)) for s, e in both))
     assert worst[1] < 0.05 * worst[0]
 
@@ -272,7 +250,7 @@ def test_material_far_from_the_scene_is_factored_afresh(tmp_path):
     """Where corrections diverge the sample must still come out, and right."""
     stiff = random("materials.lining.C44", "{ law='uniform', min='4 GPa', max='5 GPa' }")
     run(BLOCK, COMM, tmp_path / "a", [*COARSE, stiff, NO_MODES, "samples.n=2"])
-    drawn = rows(tmp_path / "a" / "samples.csv")[1]
+    drawn = text_rows(tmp_path / "a" / "samples.csv")[1]
     assert drawn["status"] == "ok"
     value = f"materials.lining.C44='{drawn['materials.lining.C44']} Pa'"
     run(BLOCK, COMM, tmp_path / "b", [*COARSE, value, NO_MODES, "samples.n=2"])
@@ -286,12 +264,12 @@ def test_rejected_draws_are_counted_where_one_looks(tmp_path):
 
     bad = random("materials.lining.nu_31", "{ law='uniform', min=0.0, max=0.9 }")
     run(BLOCK, COMM, tmp_path / "a", [*COARSE, bad, NO_MODES, "samples.n=12"])
-    counted = [int(r["rejected"]) for r in rows(tmp_path / "a" / "samples.csv")]
+    counted = [int(r["rejected"]) for r in text_rows(tmp_path / "a" / "samples.csv")]
     summary = json.loads((tmp_path / "a" / "summary.json").read_text())
     assert sum(counted) == summary["samples"]["multi-scale"]["rejected_draws"] > 0
     rigid = [*COARSE, bad, NO_MODES, "samples.n=32", "samples.design=saltelli"]
     run(BLOCK, COMM, tmp_path / "b", rigid)
-    status = [r["status"] for r in rows(tmp_path / "b" / "samples.csv")]
+    status = [r["status"] for r in text_rows(tmp_path / "b" / "samples.csv")]
     failed = [s for s in status if s.startswith("draw rejected: materials.lining: ")]
     assert 0 < len(failed) < len(status) == 32
     assert len(failed) + status.count("ok") == 32

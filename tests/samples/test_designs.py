@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from brake_fenicsx.build.distributions import quantile
+from brake_fenicsx.build.values import quantile
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.samples.designs import design_points, design_size, roughness_of
 from brake_fenicsx.scene import Distribution

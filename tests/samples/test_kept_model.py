@@ -1,5 +1,6 @@
 """The kept reduced model: taken again, or made again."""
 
+import shutil
 from pathlib import Path
 
 from mpi4py import MPI
@@ -33,31 +34,45 @@ def modes(folder):
     return np.concatenate(out)
 
 
-def test_cache_of_another_layout_is_made_again(tmp_path):
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Folder of a run whose samples are forgotten, and lambda of these."""
+    out = tmp_path_factory.mktemp("whole") / "out"
+    run(BLOCK, COMM, out, GIVEN)
+    return out, modes(out)
+
+
+@pytest.fixture
+def kept(whole, tmp_path):
+    """A copy of the folder for one test."""
+    return shutil.copytree(whole[0], tmp_path / "out"), whole[1]
+
+
+def test_cache_of_another_layout_is_made_again(kept):
     """One of the same layout is read: what stands in it is taken for true."""
-    run(BLOCK, COMM, tmp_path, GIVEN)
-    first, store = modes(tmp_path), Store(tmp_path)
+    folder, first = kept
+    store = Store(folder)
     content = store.load(FILE)
     assert int(content["layout"]) == LAYOUT
     name = next(n for n, D in content.items() if n.endswith(".D0") and D.shape[0] > 1)
     wrong = {**content, name: 2 * content[name]}
     store.save(FILE, **wrong)
-    run(BLOCK, COMM, tmp_path, GIVEN)
-    assert np.abs(modes(tmp_path) / first - 1).max() > 1e-6
+    run(BLOCK, COMM, folder, GIVEN)
+    assert np.abs(modes(folder) / first - 1).max() > 1e-6
     store.save(FILE, **{**wrong, "layout": np.array(LAYOUT - 1)})
-    run(BLOCK, COMM, tmp_path, GIVEN)
-    np.testing.assert_array_equal(modes(tmp_path), first)
+    run(BLOCK, COMM, folder, GIVEN)
+    np.testing.assert_array_equal(modes(folder), first)
     np.testing.assert_array_equal(store.load(FILE)[name], content[name])
 
 
 @pytest.mark.parametrize("length", [0, 200, 4000])
-def test_damaged_cache_is_made_again(tmp_path, length):
+def test_damaged_cache_is_made_again(kept, length):
     """Cut short by a full disc: the samples of the run are of one kind, as those before."""
-    run(BLOCK, COMM, tmp_path, GIVEN)
-    first, path = modes(tmp_path), Store(tmp_path).path(FILE)
+    folder, first = kept
+    path = Store(folder).path(FILE)
     whole = path.read_bytes()
     path.unlink()
     path.write_bytes(whole[:length])
-    run(BLOCK, COMM, tmp_path, GIVEN)
-    np.testing.assert_array_equal(modes(tmp_path), first)
-    assert "made again" in (tmp_path / "log.txt").read_text()
+    run(BLOCK, COMM, folder, GIVEN)
+    np.testing.assert_array_equal(modes(folder), first)
+    assert "made again" in (folder / "log.txt").read_text()

@@ -21,10 +21,10 @@ from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.faces import faces_of_bodies, gather_face
 from brake_fenicsx.macro.integrals import facet_areas
 from brake_fenicsx.samples.numbering import dof_points
-from brake_fenicsx.samples.solve import full_modes
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import split_substructures
 from brake_fenicsx.stability.substructures import substructure
+from full_order import agrees, at_full_order
 
 BRAKE = """
 stages = ["equilibrium", "stability"]
@@ -220,15 +220,8 @@ def scene(tmp_path_factory):
 def compared(scene, chosen):
     """Modes of a scene by the reduced model, each within its stated error of full order."""
     prepared = model.prepare(scene, changes(chosen), parameters={"contact.pads.friction": (0, 1)})
-    study = prepared.study
-    assert study.models.reduction.by_reduction == {"multi-scale": True}
-    found = prepared.modes()
-    sample = study.sample(("multi-scale", 0))
-    exact = full_modes(study.models, sample, study.balance(sample))
-    assert found.s.size == exact.s.size >= 5
-    distance = np.abs(found.s - exact.s)
-    assert np.all(distance <= found.error + exact.error + 1e-6 * np.abs(exact.s))
-    return found.s
+    assert prepared.study.models.reduction.by_reduction == {"multi-scale": True}
+    agrees(prepared.modes(), at_full_order(prepared))
 
 
 @settings(max_examples=4, deadline=None)

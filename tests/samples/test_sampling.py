@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from brake_fenicsx.build.distributions import quantile
+from brake_fenicsx.build.values import quantile
 from brake_fenicsx.samples.random_inputs import points_of
 from brake_fenicsx.samples.sampling import draw_sample, sample_count, sample_seed
 from brake_fenicsx.scene import Distribution, read_scene

@@ -1,10 +1,8 @@
 """Whole studies: killed at any moment, laws made afresh, all approaches side by side."""
 
-import csv
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -14,6 +12,8 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.pipeline import run
+from full_order import text_rows
+from processes import command
 
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
@@ -26,17 +26,6 @@ ROUGH = [
 MU = "samples.random.\"contact.block_plate.friction\"={ law='uniform', min=0.3, max=0.7 }"
 G13 = "samples.random.\"materials.lining.G_13\"={ law='uniform', spread=0.2 }"
 TABLES = ("modes", "samples", "contact", "sensitivity", "probabilities", "convergence")
-
-
-def rows(path):
-    with path.open() as file:
-        return list(csv.DictReader(file))
-
-
-def command(out, changes):
-    code = "import sys; from brake_fenicsx.cli import main; sys.exit(main(sys.argv[1:]))"
-    sets = [word for change in changes for word in ("--set", change)]
-    return [sys.executable, "-c", code, "run", str(BLOCK), "-o", str(out), *sets]
 
 
 def test_more_verified_samples_than_there_are(tmp_path):
@@ -58,7 +47,7 @@ def test_four_approaches_in_one_scene(tmp_path):
         "samples.n=4",
     ]
     run(BLOCK, COMM, tmp_path / "out", [*ROUGH, MU, G13, FOUR, *small])
-    samples = rows(tmp_path / "out" / "samples.csv")
+    samples = text_rows(tmp_path / "out" / "samples.csv")
     counts = {
         a: sum(s["approach"] == a for s in samples) for a in ("multi-scale", "parametric", "joint")
     }
@@ -67,9 +56,9 @@ def test_four_approaches_in_one_scene(tmp_path):
     drawn = [s for s in samples if s["materials.lining.G_13"]]
     assert {s["approach"] for s in drawn} == {"parametric", "joint"}
     assert len({s["materials.lining.G_13"] for s in drawn}) == 9
-    modes = rows(tmp_path / "out" / "modes.csv")
+    modes = text_rows(tmp_path / "out" / "modes.csv")
     assert min(int(m["family"]) for m in modes if m["approach"] != "classical") >= 0
-    robust = rows(tmp_path / "out" / "probabilities.csv")
+    robust = text_rows(tmp_path / "out" / "probabilities.csv")
     unstable = {(m["approach"], m["sample"]) for m in modes if m["verdict"] == "unstable"}
     for approach, n in counts.items():
         whole = next(r for r in robust if (r["approach"], r["where"]) == (approach, "0-20000"))
@@ -84,18 +73,20 @@ def test_killed_at_ten_random_moments_ends_with_the_same_bytes(tmp_path):
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
     start = time.perf_counter()
     whole = tmp_path / "whole"
-    subprocess.run(command(whole, study), check=True, capture_output=True, env=environment)
+    subprocess.run(command(BLOCK, whole, study), check=True, capture_output=True, env=environment)
     seconds = time.perf_counter() - start
     rng, killed = np.random.default_rng(11), 0
     for k, moment in enumerate(rng.uniform(0.2, 0.95, 10) * seconds):
         out = tmp_path / f"killed{k}"
-        going = subprocess.Popen(command(out, study), stderr=subprocess.DEVNULL, env=environment)
+        going = subprocess.Popen(
+            command(BLOCK, out, study), stderr=subprocess.DEVNULL, env=environment
+        )
         try:
             going.wait(moment)
         except subprocess.TimeoutExpired:
             going.send_signal(signal.SIGKILL)
             killed += going.wait() == -signal.SIGKILL
-        subprocess.run(command(out, study), check=True, capture_output=True, env=environment)
+        subprocess.run(command(BLOCK, out, study), check=True, capture_output=True, env=environment)
         for name in TABLES:
             a, b = (folder / f"{name}.csv" for folder in (whole, out))
             assert a.read_bytes() == b.read_bytes(), (k, name)

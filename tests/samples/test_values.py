@@ -13,13 +13,11 @@ from brake_fenicsx import model
 from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.errors import InaccurateResult, SceneError
-from brake_fenicsx.pipeline import run
 from brake_fenicsx.samples.sampling import draw_sample
-from brake_fenicsx.samples.solve import full_modes
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.stability import ContactLinearisation
 from contact_alone import at_contact
+from full_order import agrees, at_full_order
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = [
@@ -32,21 +30,6 @@ MU, LOAD, C44 = (
 
 PENALTY, SPEED = "samples.classical.penalty", "motion.speed"
 FALLING = "contact.block_plate.friction={ static=0.6, kinetic=0.4, decay='2 m/s' }"
-
-
-def agrees(found, exact):
-    """Every mode of full order within its stated error, none missed."""
-    assert found.s.size == exact.s.size >= 5
-    distance = np.abs(found.s - exact.s)
-    # The equilibria differ by the interpolation of the compliance.
-    assert np.all(distance <= found.error + exact.error + 1e-6 * np.abs(exact.s))
-
-
-def at_full_order(prepared, values, approach="multi-scale"):
-    """Modes at full order, the equilibrium too."""
-    study = prepared.study
-    sample = study.sample((approach, 0), values)
-    return full_modes(study.models, sample, study.balance(sample))
 
 
 def test_values_replace_and_complete_the_drawn_ones():
@@ -90,60 +73,48 @@ def test_a_swept_modulus_is_that_of_full_order():
         prepared.modes({"materials.lining.C33": 2e9})
 
 
-def test_springs_and_masses_beside_a_modulus():
-    """Neither is a material: both stay what they are where the modulus changes."""
-    faces = [
+THREE = {
+    kind: f'{kind}=["{value}", "{value}", "{value}"]'
+    for kind, value in {"stiffness": "5e6 N/m", "damping": "60 N s/m"}.items()
+}
+CLIP = f"{THREE['stiffness']}, {THREE['damping']}"
+JOINED = {
+    # Neither springs nor masses are materials: both stay as they are where the modulus changes.
+    "springs and masses": [
         'springs={ "plate.bottom" = { stiffness = ["80 kN/mm", "60 kN/mm", "150 kN/mm"] } }',
         'masses={ "block.top" = { mass = "20 g" } }', "supports={ 'block.top' = ['x', 'y'] }",
-    ]  # fmt: skip
-    prepared = model.prepare(BLOCK, [*COARSE, *faces], parameters={C44: (0.9e9, 1.5e9)})
-    plain = model.prepare(BLOCK, COARSE).modes().s
-    for value in (0.9e9, 1.4e9):
-        found = prepared.modes({C44: value})
-        agrees(found, at_full_order(prepared, {C44: value}))
-        assert found.s.size > plain.size
-
-
-def test_a_tied_part_beside_a_modulus():
-    """Of the block that it is tied to: one body of the reduced model, two in the shares."""
-    tied = [
+    ],
+    # Of the block that it is tied to: one body of the reduced model, two in the shares.
+    "tie": [
         'parts.cap={ builder="block", length="40 mm", width="20 mm", height="8 mm", z="20 mm",'
         ' size="9 mm", material="iron" }',
         'ties={ cap={ faces=["block.top", "cap.bottom"] } }',
         'loads={ "cap.top"={ pressure="5 bar" } }',
         'supports={ "plate.bottom"="clamped", "cap.top"=["x", "y"] }',
-    ]  # fmt: skip
-    prepared = model.prepare(BLOCK, [*COARSE, *tied], parameters={C44: (0.9e9, 1.5e9)})
-    models = prepared.study.models
-    assert len(models.reduction.models[False].bodies) == 2
-    assert [*models.brake.masses] == ["block.body", "plate.body", "cap.body"]
-    for value in (0.9e9, 1.4e9):
-        agrees(prepared.modes({C44: value}), at_full_order(prepared, {C44: value}))
-
-
-def test_springs_and_dashpots_between_parts_beside_a_modulus():
-    """They join their parts to one body; the dashpots damp the modes, with no other damping named.
-
-    As strong as the impedance of the block, so that the modes feel them.
-    """
-    clip = 'faces=["block.sides", "cap.bottom"]'
-    stiff, damping = (
-        f'{kind}=["{v} {unit}", "{v} {unit}", "{v} {unit}"]'
-        for kind, v, unit in (("stiffness", 5e6, "N/m"), ("damping", 60, "N s/m"))
-    )
-    joined = [
+    ],
+    # They join parts to one body; as strong as the impedance of the block, so that modes feel them.
+    "springs and dashpots": [
         'parts.cap={ builder="block", length="30 mm", width="20 mm", height="8 mm", z="30 mm",'
         ' size="20 mm", material="iron" }',
-        f'springs={{ clip={{ {clip}, {stiff}, {damping} }}, "cap.top"={{ {stiff}, {damping} }} }}',
-    ]  # fmt: skip
-    prepared = model.prepare(BLOCK, [*COARSE, *joined], parameters={C44: (0.9e9, 1.5e9)})
+        f'springs={{ clip={{ faces=["block.sides", "cap.bottom"], {CLIP} }},'
+        f' "cap.top"={{ {CLIP} }} }}',
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("joint", JOINED)
+def test_joints_beside_a_modulus(joint):
+    """Dashpots damp the modes, with no other damping named."""
+    prepared = model.prepare(BLOCK, [*COARSE, *JOINED[joint]], parameters={C44: (0.9e9, 1.5e9)})
     models = prepared.study.models
-    assert len(models.reduction.models[True].bodies) == 2
-    assert [*models.facts["damping"]] == ["springs"]
+    ((damped, reduced),) = models.reduction.models.items()
+    assert len(reduced.bodies) == 2 and damped == ("dashpots" in joint)
+    assert [*models.facts.get("damping", ())] == ["springs"] * damped
+    assert len(models.brake.masses) == (2 if "masses" in joint else 3)
     for value in (0.9e9, 1.4e9):
         found = prepared.modes({C44: value})
-        agrees(found, at_full_order(prepared, {C44: value}))
-        assert found.damping.max() > 1e-2
+        agrees(found, at_full_order(prepared, {C44: value}), 5 + ("masses" in joint))
+        assert (found.damping.max() > 1e-2) == damped
 
 
 def test_speed_moves_friction_and_its_damping():
@@ -286,56 +257,3 @@ def test_a_scalar_of_one_body_costs_the_other_no_anchors(damped):
     """The loss of the lining is not the plate's, whose interpolation is over alpha and beta."""
     bodies = damped.study.models.reduction.models[True].bodies
     assert sorted(len(b.component._own) for b in bodies) == [2, 4]
-
-
-@pytest.mark.slow
-def test_random_damping_of_a_study_is_that_of_full_order(tmp_path):
-    """Loss, alpha and speed of every sample beside a modulus: drawn, stored, solved both ways."""
-    laws = {LOSS: "min=0.01, max=0.1", ALPHA: "min='5 1/s', max='60 1/s'",
-            SPEED: "min='2 m/s', max='6 m/s'", C44: "spread=0.2"}  # fmt: skip
-    random = [f"samples.random.\"{k}\"={{ law='uniform', {v} }}" for k, v in laws.items()]
-    many = ["stages=['equilibrium','stability','uncertainty']", "samples.n=2", FALLING]
-    damping = (
-        "stability.damping={ rayleigh=['20 1/s', 0], loss=true, omega_ref='8 kHz', slope=true }"
-    )
-    every = []
-    for method in ("reduced", "full"):
-        changes = [*DAMPED, damping, *many, *random, f"stability.method={method}"]
-        run(BLOCK, MPI.COMM_SELF, tmp_path / method, changes)
-        files = sorted((tmp_path / method / "samples").glob("multi-scale-*.npz"))
-        every.append([dict(np.load(file)) for file in files])
-    for found, exact in zip(*every, strict=True):
-        assert found["random_names"].tolist() == sorted(laws)
-        assert "zeros of T(z)" in str(found["counted"])
-        assert found["s"].size == exact["s"].size >= 5
-        distance = np.abs(found["s"] - exact["s"])
-        assert np.all(distance <= found["error"] + exact["error"] + 1e-6 * np.abs(exact["s"]))
-
-
-def test_scalars_of_the_bodies_belong_to_the_results():
-    """The reduced model reaches over a sweep of them; one of the friction changes nothing."""
-    swept = {
-        LOSS: "start=0, stop=0.1", ALPHA: "start='0 1/s', stop='9 1/s'", MU: "start=0, stop=1",
-    }  # fmt: skip
-    digests = [
-        result_digest(read_scene(BLOCK, [*DAMPED, *changes]))
-        for changes in ([], *([f'sweep.parameters."{k}"={{ {v} }}'] for k, v in swept.items()))
-    ]
-    assert digests[0] == digests[3]
-    assert len(set(digests)) == 3
-
-
-@pytest.mark.parametrize(
-    ("key", "remedy"),
-    [
-        ("contact.nobody.friction", "there are block_plate"),
-        ("parts.block.z", "only these lengths may vary"),
-        ("micro.E", "one brake has one value of it"),
-        (LOSS, "loss = true"),
-    ],
-)
-def test_unknown_scalars_of_python_are_refused(key, remedy):
-    with pytest.raises(SceneError) as error:
-        model.prepare(BLOCK, COARSE, parameters={key: (0.0, 0.1)})
-    assert remedy in str(error.value)
-    assert key in str(error.value)

@@ -18,8 +18,7 @@ from scipy.spatial import KDTree
 
 from brake_fenicsx import compat
 from brake_fenicsx.build.bodies import assemble_bodies
-from brake_fenicsx.build.mesh_files import grouped_file
-from brake_fenicsx.build.part_builders import file_parts, mesh_settings, scene_parts
+from brake_fenicsx.build.scene_mesh import file_parts, grouped_file, mesh_settings, scene_parts
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.elasticity import Elastic, FreeDofs
 from brake_fenicsx.macro.faces import Face, gather_face

@@ -9,7 +9,7 @@ import pytest
 
 from brake_fenicsx import prepare
 from brake_fenicsx.build.brake import assemble_brake
-from brake_fenicsx.build.mesh_files import grouped_file
+from brake_fenicsx.build.scene_mesh import grouped_file
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.draft.text import write_scene

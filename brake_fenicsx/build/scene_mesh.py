@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 
 from mpi4py import MPI
 
-from brake_fenicsx.errors import SceneError
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SceneError, located
 from brake_fenicsx.extensions import provided
+from brake_fenicsx.macro.morphing import EVEN
 from brake_fenicsx.meshing.brake_mesh import (
     Builder,
     Mesh,
@@ -19,10 +25,13 @@ from brake_fenicsx.meshing.brake_mesh import (
     tagged_mesh,
 )
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings, gmsh_session
+from brake_fenicsx.meshing.groups import GroupedFile, mesh_of_file
 from brake_fenicsx.meshing.rawmesh import RawMesh, joined
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.parts_section import MeshTable
+from brake_fenicsx.scene.units import to_si
 
-from .mesh_files import file_mesh
+Array = NDArray[np.float64]
 
 
 def scene_parts(scene: Scene) -> dict[str, Builder]:
@@ -53,10 +62,8 @@ def scene_mesh(scene: Scene, comm: MPI.Comm) -> Mesh:
     Raises:
         SceneError: a part or the mesh file is wrong, or the mesh too bad; on all ranks.
     """
-    try:
+    with located(scene.file):
         return tagged_mesh(lambda: scene_raw_mesh(scene), comm, mesh_settings(scene))
-    except SceneError as error:
-        raise SceneError(f"{scene.file}: {error}") from None
 
 
 def scene_raw_mesh(scene: Scene) -> RawMesh:
@@ -68,7 +75,7 @@ def scene_raw_mesh(scene: Scene) -> RawMesh:
     built = scene_parts(scene)
     if scene.mesh.file is None:
         return raw_mesh(built, mesh_settings(scene))
-    read, _ = file_mesh(scene, file_parts(scene))
+    read, _ = file_mesh(scene)
     if not built:
         return read
     made = raw_mesh(built, mesh_settings(scene))
@@ -99,22 +106,17 @@ def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> list[s
     def checked() -> list[str]:
         layers, known = known_names(scene_parts(scene), mesh_settings(scene))
         if scene.mesh.file is not None:
-            mesh, _ = file_mesh(scene, file_parts(scene))
+            mesh, _ = file_mesh(scene)
             check_cells(mesh, mesh_settings(scene))
             layers, known = [*layers, *mesh.layers], [*known, *mesh.faces]
-        check_faces(faces, [*known, *_sets(scene)])
+        if given := [name for name, part in scene.parts.items() if part.matrices]:
+            # Sets of nodes of bodies given by matrices, "part.set".
+            known += provided("nodes", f"parts.{given[0]}.matrices", "matrices")(scene)
+        check_faces(faces, known)
         return layers
 
-    try:
+    with located(scene.file):
         return on_rank_0(checked, comm, lambda layers: layers)
-    except SceneError as error:
-        raise SceneError(f"{scene.file}: {error}") from None
-
-
-def _sets(scene: Scene) -> list[str]:
-    """Sets of nodes of bodies given by matrices, "part.set"."""
-    given = [name for name, part in scene.parts.items() if part.matrices]
-    return provided("nodes", f"parts.{given[0]}.matrices", "matrices")(scene) if given else []
 
 
 def cut_loads(scene: Scene) -> list[str]:
@@ -142,3 +144,61 @@ def cut_loads(scene: Scene) -> list[str]:
                         f" each, not {load.pressure * whole:.0f} N"
                     )
     return lines
+
+
+def grouped_file(folder: Path, table: MeshTable) -> GroupedFile:
+    """The mesh file of a scene and its groups.
+
+    Args:
+        folder: of the scene.
+        table: the section [mesh].
+
+    Raises:
+        SceneError: the unit is missing or is none of length.
+    """
+    if table.unit is None:
+        raise SceneError('mesh.unit: missing; write the unit of the file\'s lengths, as "mm"')
+    with located(f"mesh.unit = {table.unit!r}", ValueError):
+        metres = to_si(f"1 {table.unit}", "m")
+    file, unit = str(table.file), table.unit
+    groups = {name: t if isinstance(t, str) else [*t] for name, t in table.groups.items()}
+    return GroupedFile(folder, file, unit, metres, table.extent, groups, table.split)
+
+
+def _movement(scene: Scene, read: RawMesh, part: str, name: str) -> Array:
+    """Movement of the nodes of a mesh file per length [m/m], shape (nodes, 3).
+
+    Raises:
+        SceneError: the displaced mesh is another one, the same, or moves other parts.
+    """
+    morph, where = scene.parts[part].morph[name], f"parts.{part}.morph.{name}.displaced"
+    file = grouped_file(scene.file.parent, scene.mesh)
+    moved = mesh_of_file(file, file_parts(scene), (morph.displaced, where))
+    step = moved.points - read.points
+    others = np.ones(len(step), dtype=bool)
+    others[read.cells[read.part(part)]] = False
+    size = float(np.abs(step).max())
+    if not size > 0:
+        raise SceneError(f"{where} = {morph.displaced!r}: no node is at another place")
+    if np.abs(step[others]).max(initial=0.0) > EVEN * size:
+        raise SceneError(
+            f"{where} = {morph.displaced!r}: nodes of other parts than {part} are moved; leave"
+            " them where they are in mesh.file"
+        )
+    return np.asarray(step / (morph.ends[1] - morph.ends[0]))
+
+
+def file_mesh(scene: Scene) -> tuple[RawMesh, dict[str, Array]]:
+    """Mesh of the mesh file, its nodes where the lengths of the scene have them.
+
+    Returns:
+        The mesh, and the movement of its nodes under each length, "parts.PART.morph.NAME", per
+        length [m/m], shape (nodes, 3).
+    """
+    read = mesh_of_file(grouped_file(scene.file.parent, scene.mesh), file_parts(scene))
+    points, moves = read.points.copy(), {}
+    for part in file_parts(scene):
+        for name, morph in scene.parts[part].morph.items():
+            moves[f"parts.{part}.morph.{name}"] = v = _movement(scene, read, part, name)
+            points += (morph.length - morph.ends[0]) * v
+    return replace(read, points=points), moves
