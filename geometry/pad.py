@@ -161,7 +161,7 @@ def _one_pad(occ: Any, pad: Pad, side: float) -> tuple[dict[str, list[int]], dic
     cut = pad_shape.cutters(occ, pad)
     linings = occ.cut([solids[0]], cut)[0] if cut else solids[:1]
     if pad.ear_length > 0:
-        plate = [solids[1], *pad_shape.ears(occ, pad, heights[1])]
+        plate = [solids[1], *pad_shape.ears(occ, pad, heights[1], pad.plate)]
         solids[1] = occ.fuse(plate[:1], plate[1:])[0][0]
     # The circle may reach beyond the pad: only what lies on it is imprinted.
     outside = _slab(occ, pad, heights[-2], heights[-1] - heights[-2])
@@ -264,7 +264,7 @@ def _footprint(occ: Any, pad: Pad) -> tuple[dict[str, list[int]], list[int]]:
         tools["slot"] = [pad_shape.slot_face(occ, pad)]
     for name, tool in tools.items():
         tools[name] = occ.intersect(tool, [(2, occ.copy([body])[0][1])])[0]
-    ears = pad_shape.ear_faces(occ, pad) if pad.ear_length > 0 else []
+    ears = pad_shape.ears(occ, pad, 0.0) if pad.ear_length > 0 else []
     flat = [tool for group in tools.values() for tool in group]
     _, pieces = occ.fragment([body], flat + ears)
     inside = {
