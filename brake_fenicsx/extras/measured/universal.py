@@ -138,9 +138,10 @@ def _mode(run: RunData, number: int, key: ModeKey, shape: NDArray[np.complex128]
     """A complex mode."""
     modes = run.modes or {}
     row = np.flatnonzero(
-        (modes["approach"] == key.approach) & (modes["sample"] == key.sample)
+        (modes["approach"] == key.approach)
+        & (modes["sample"] == key.sample)
         & (modes["mode"] == key.mode)
-    )[0]  # fmt: skip
+    )[0]
     s = complex(modes["real_1_s"][row], 2 * np.pi * key.frequency)
     return {
         "type": 55, "analysis_type": COMPLEX_EIGENVALUE, "model_type": 1,
