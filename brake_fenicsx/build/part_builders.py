@@ -106,7 +106,7 @@ def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> list[s
         return layers
 
     try:
-        return on_rank_0(checked, comm, lambda layers: layers)
+        return on_rank_0(checked, comm)
     except SceneError as error:
         raise SceneError(f"{scene.file}: {error}") from None
 

@@ -17,8 +17,8 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import absent, extras, load
 from brake_fenicsx.folder.arrays import reading
 
-from .filemesh import NO_CELLS, SOLIDS, FileMesh, each_once, gmsh_order, one_kind, same_length
-from .gmsh_mesh import gmsh_session
+from .filemesh import SOLIDS, FileMesh, each_once, gmsh_order, one_kind, same_length
+from .gmsh_mesh import elements, gmsh_session, nodes_of_model
 
 Ints = NDArray[np.int64]
 MSH = b"$MeshFormat"  # how every mesh of gmsh begins since its format 2
@@ -26,10 +26,9 @@ REMEDY = (
     "export the mesh once more, or as another of .msh, .inp, .cdb and .bdf; if another program"
     " reads the file, tell us of it"
 )
-# Gmsh's numbers of solid elements, and of triangles and quadrilaterals with their corners.
+# Gmsh's numbers of solid elements.
 _GMSH_SOLIDS = {4: "tetra", 11: "tetra10", 5: "hexahedron", 17: "hexahedron20", 12: "hexahedron27",
                 6: "wedge", 7: "pyramid", 13: "wedge18", 18: "wedge15"}  # fmt: skip
-_GMSH_SKINS = {2: 3, 9: 3, 3: 4, 10: 4, 16: 4}
 _SKINS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
 
 
@@ -74,42 +73,35 @@ def read_gmsh(path: Path) -> FileMesh:
         link.symlink_to(path.resolve())
         gmsh.open(str(link))
         model = gmsh.model
-        tags, x, _ = model.mesh.getNodes()
-        if not tags.size:
-            raise SceneError(NO_CELLS)
-        number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
-        number[tags.astype(np.int64)] = np.arange(tags.size)
+        x, place = nodes_of_model(model)
         kinds = [int(kind) for kind in model.mesh.getElementTypes(3)]
         kind = one_kind(_GMSH_SOLIDS.get(k, f"gmsh {k}") for k in kinds)
-        shape, count = SOLIDS[kind]
-
+        shape = SOLIDS[kind][0]
         cells: list[Ints] = []
         start: dict[int, tuple[int, int]] = {}
         for _, entity in model.getEntities(3):
-            _, nodes = model.mesh.getElementsByType(kinds[0], entity)
             first = sum(map(len, cells))
-            cells.append(number[nodes.astype(np.int64)].reshape(-1, count))
+            cells.append(elements(model, place, kinds[0], entity))
             start[entity] = (first, first + len(cells[-1]))
-        mesh = FileMesh(x.reshape(-1, 3), shape, np.concatenate(cells))
+        mesh = FileMesh(x, shape, np.concatenate(cells))
         for dim, group in model.getPhysicalGroups():
             name = model.getPhysicalName(dim, group) or str(group)
             entities = model.getEntitiesForPhysicalGroup(dim, group)
             if dim == 3:
                 mesh.cell_groups[name] = np.concatenate([np.arange(*start[e]) for e in entities])
             elif dim == 2:
-                mesh.facet_groups[name] = _gmsh_skin(model, entities, number, shape)
+                mesh.facet_groups[name] = _gmsh_skin(model, entities, place, shape)
     return mesh
 
 
-def _gmsh_skin(model: Any, entities: Any, number: Ints, shape: str) -> Ints:
+def _gmsh_skin(model: Any, entities: Any, place: Ints, shape: str) -> Ints:
     """Corner nodes of the facets of some surfaces."""
     corners = 3 if shape == "tetrahedron" else 4
-    found: list[Ints] = [np.zeros((0, corners), dtype=np.int64)]
+    found = [np.zeros((0, corners), dtype=np.int64)]
     for entity in entities:
-        for kind, _, nodes in zip(*model.mesh.getElements(2, entity), strict=True):
-            if _GMSH_SKINS.get(int(kind)) == corners:
-                count = model.mesh.getElementProperties(kind)[3]
-                found.append(number[nodes.astype(np.int64)].reshape(-1, count)[:, :corners])
+        for kind in model.mesh.getElementTypes(2, entity):
+            if model.mesh.getElementProperties(kind)[5] == corners:
+                found.append(elements(model, place, kind, entity)[:, :corners])
     return np.concatenate(found)
 
 
