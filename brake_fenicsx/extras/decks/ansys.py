@@ -25,23 +25,21 @@ Array = NDArray[np.float64]
 
 # Solid elements by their routine number; others, as of contact, are counted and left out.
 _SOLIDS = {45, 64, 65, 73, 92, 95, 185, 186, 187, 285}
-_NAMES = {
-    14: "COMBIN14", 21: "MASS21", 61: "SHELL61", 63: "SHELL63", 154: "SURF154", 169: "TARGE169",
-    170: "TARGE170", 172: "CONTA172", 173: "CONTA173", 174: "CONTA174", 175: "CONTA175",
-    178: "CONTA178", 179: "PRETS179", 180: "LINK180", 181: "SHELL181", 184: "MPC184",
-    188: "BEAM188", 189: "BEAM189", 190: "SOLSH190", 214: "COMBI214", 250: "COMBI250",
-    281: "SHELL281",
-}  # fmt: skip
+_OTHERS = (
+    "COMBIN14 MASS21 SHELL61 SHELL63 SURF154 TARGE169 TARGE170 CONTA172 CONTA173 CONTA174 CONTA175"
+    " CONTA178 PRETS179 LINK180 SHELL181 MPC184 BEAM188 BEAM189 SOLSH190 COMBI214 COMBI250 SHELL281"
+)
+_NAMES = {int(re.sub(r"\D", "", name)): name for name in _OTHERS.split()}
 # Meshing facets, which only gmsh's and Ansys' own meshers use.
 _FACETS = 200
 # Commands of which nothing is lost: titles, settings of the preprocessor, names of types.
-_HARMLESS = {
-    "/COM", "/PREP7", "/NOPR", "/GOPR", "/GO", "/TITLE", "/BATCH", "/CONFIG", "/UNITS", "/NERR",
-    "/WB", "FINISH", "NUMOFF", "*SET", "*IF", "*ENDIF", "*ELSE", "ET", "ETBLOCK", "N", "TYPE",
-    "MAT", "REAL", "ESYS", "SECNUM", "CSYS", "DSYS", "SHPP", "ERESX", "EXTOPT", "TREF", "BFUNIF",
-    "TUNIF", "MPTEMP", "CM", "CMSEL", "NSEL", "ESEL", "ALLSEL", "DOF", "EN", "ANTYPE", "MODOPT",
-    "MODCONTROL", "QRDOPT", "IRLF", "NCNV", "NEQIT", "KUSE", "CRPLIM", "TIME", "OUTRES", "NSUBST",
-}  # fmt: skip
+_SILENT = """
+/COM /PREP7 /NOPR /GOPR /GO /TITLE /BATCH /CONFIG /UNITS /NERR /WB FINISH NUMOFF *SET *IF *ENDIF
+*ELSE ET ETBLOCK N TYPE MAT REAL ESYS SECNUM CSYS DSYS SHPP ERESX EXTOPT TREF BFUNIF TUNIF MPTEMP CM
+CMSEL NSEL ESEL ALLSEL DOF EN ANTYPE MODOPT MODCONTROL QRDOPT IRLF NCNV NEQIT KUSE CRPLIM TIME
+OUTRES NSUBST
+"""
+_HARMLESS = {*_SILENT.split()}
 # Commands that a program writes with zeros where they do nothing.
 _IDLE = {"ACEL", "OMEGA", "DOMEGA", "CGOMEGA", "CGLOC", "DCGOMG", "ALPHAD", "BETAD", "DMPRAT",
          "DMPSTR"}  # fmt: skip
