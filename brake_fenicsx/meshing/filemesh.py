@@ -181,6 +181,15 @@ def numbered(
         cells.reshape(-1, count).astype(np.int64)[:, gmsh_order(shape, count)],
         numbers=place, labels=[*solids],
     )  # fmt: skip
+    _add_groups(mesh, cell, skins, elements, nodesets)
+    return mesh
+
+
+def _add_groups(
+    mesh: FileMesh, cell: Mapping[int, int], skins: Mapping[int, tuple[str, list[int]]],
+    elements: Mapping[str, Sequence[int]], nodesets: Mapping[str, Sequence[int]],
+) -> None:  # fmt: skip
+    """Add groups and shells to a mesh, see ``numbered``; cell: number -> place."""
     for name, numbers in elements.items():
         if own := [cell[n] for n in numbers if n in cell]:
             mesh.cell_groups[name] = np.array(own)
@@ -190,8 +199,8 @@ def numbered(
     for kind in dict.fromkeys(kind for kind, _ in skins.values()):
         mesh.shells[kind] = np.array(mesh.placed(own for one, own in skins.values() if one == kind))
     for name, numbers in nodesets.items():
-        mesh.node_groups[name] = np.array([place[n] for n in numbers if n in place], dtype=np.int64)
-    return mesh
+        (own,) = mesh.placed([[n for n in numbers if n in mesh.numbers]])
+        mesh.node_groups[name] = np.array(own, dtype=np.int64)
 
 
 def each_once(mesh: FileMesh, merge: bool) -> None:

@@ -6,6 +6,7 @@ neither coordinate systems nor included files.
 
 from __future__ import annotations
 
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -17,7 +18,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import absent, extras, load
 from brake_fenicsx.folder.arrays import reading
 
-from .filemesh import SOLIDS, FileMesh, each_once, gmsh_order, one_kind, same_length
+from .filemesh import SOLIDS, FileMesh, each_once, gmsh_order, listed, one_kind, same_length
 from .gmsh_mesh import elements, gmsh_session, nodes_of_model
 
 Ints = NDArray[np.int64]
@@ -116,27 +117,18 @@ def read_other(path: Path) -> FileMesh:
     if path.suffix not in meshio.extension_to_filetypes:
         raise SceneError(f"files {path.suffix} are not known; write .msh, .inp or .bdf instead")
     read = meshio.read(path)
-    blocks = [*enumerate(read.cells)]
-    kind = one_kind(b.type for _, b in blocks if b.dim == 3)
+    kind = one_kind(block.type for block in read.cells if block.dim == 3)
     shape, count = SOLIDS[kind]
-    solid = [i for i, block in blocks if block.type == kind]
-    cells = np.vstack([np.zeros((0, count), np.int64), *(read.cells[i].data for i in solid)])
-    mesh = FileMesh(np.asarray(read.points, dtype=float), shape, cells[:, gmsh_order(shape, count)])
-    skin = [i for i, block in blocks if block.type in _SKINS]
-    for name, members in _meshio_groups(read).items():
-        offset, own = 0, []
-        for i in solid:
-            own.append(np.asarray(members[i], dtype=np.int64) + offset)
-            offset += len(read.cells[i].data)
-        if sum(map(len, own)):
-            mesh.cell_groups[name] = np.concatenate(own)
-        facets = [
-            row
-            for i in skin
-            for row in read.cells[i].data[members[i]][:, : _SKINS[read.cells[i].type]].tolist()
-        ]
-        if facets:
-            mesh.facet_groups[name] = same_length(facets)
+    cells = read.get_cells_type(kind)[:, gmsh_order(shape, count)].astype(np.int64)
+    mesh = FileMesh(np.asarray(read.points, dtype=float), shape, cells)
+    read.cell_sets = _meshio_groups(read)
+    for name, members in read.cell_sets_dict.items():
+        if members.get(kind, np.zeros(0)).size:
+            mesh.cell_groups[name] = members[kind]
+        skins = {skin: own for skin, own in members.items() if skin in _SKINS and own.size}
+        if skins:
+            tables = (read.get_cells_type(s)[own][:, : _SKINS[s]] for s, own in skins.items())
+            mesh.facet_groups[name] = same_length(chain(*map(listed, tables)))
             mesh.shell_sets[name] = True
     for name, nodes in read.point_sets.items():
         mesh.node_groups[name] = np.asarray(nodes, dtype=np.int64)
@@ -156,19 +148,11 @@ def _meshio_groups(read: Any) -> dict[str, list[Ints]]:
 
     Whole numbers of cells are groups by their value; where arrays differ, as "ARRAY:VALUE".
     """
-    groups: dict[str, list[Ints]] = {}
-    for name, members in read.cell_sets.items():
-        groups[name] = [np.asarray(m if m is not None else [], dtype=np.int64) for m in members]
-    numbers: dict[str, dict[str, list[Ints]]] = {}
-    for array, blocks in read.cell_data.items():
-        values = [np.ravel(v) for v in blocks]
-        pairs = zip(values, read.cells, strict=True)
-        if any(not np.issubdtype(v.dtype, np.integer) or len(v) != len(b.data) for v, b in pairs):
-            continue
-        for value in np.unique(np.concatenate(values)):
-            members = [np.flatnonzero(v == value) for v in values]
-            numbers.setdefault(str(value), {})[array] = members
-    for value, arrays in numbers.items():
+    groups = {
+        name: [np.asarray([] if m is None else m, dtype=np.int64) for m in members]
+        for name, members in read.cell_sets.items()
+    }
+    for value, arrays in _numbers(read).items():
         first, *rest = arrays.values()
         if all(np.array_equal(a, b) for m in rest for a, b in zip(first, m, strict=True)):
             groups.setdefault(value, first)
@@ -177,6 +161,19 @@ def _meshio_groups(read: Any) -> dict[str, list[Ints]]:
     for name, own in _families(read, "cell_tags", read.cell_data).items():
         groups[name] = [np.flatnonzero(np.isin(v, own)) for v in read.cell_data["cell_tags"]]
     return groups
+
+
+def _numbers(read: Any) -> dict[str, dict[str, list[Ints]]]:
+    """Whole number -> array of cells -> members in each block of cells."""
+    numbers: dict[str, dict[str, list[Ints]]] = {}
+    for array, blocks in read.cell_data.items():
+        values = [np.ravel(v) for v in blocks]
+        pairs = zip(values, read.cells, strict=True)
+        if all(np.issubdtype(v.dtype, np.integer) and len(v) == len(b.data) for v, b in pairs):
+            for value in np.unique(np.concatenate(values)):
+                members = [np.flatnonzero(v == value) for v in values]
+                numbers.setdefault(str(value), {})[array] = members
+    return numbers
 
 
 def _families(read: Any, tags: str, data: Any) -> dict[str, list[int]]:

@@ -8,7 +8,7 @@ It gives a point without a coordinate system the basic one although a GRDSET nam
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -105,26 +105,29 @@ def _model(path: Path) -> tuple[Any, list[DeckKeyword], DeckKeyword | None]:
                 model.add_card_lines(lines, name)
         except Exception as error:  # pyNastran raises nothing narrower
             raise SceneError(f"{at}: {block.said}: {_short(error)}") from None
-        if name in ("GRID", "GRDSET"):
-            first = first or block
+        first = block if first is None and name in ("GRID", "GRDSET") else first
         if name == "GRID":
             points[int(fields[1])] = fields
-        if name in SHELL_NODES:
+        elif name in SHELL_NODES:
             shell = model.elements[int(fields[1])]
             block.options = {"PID": str(shell.pid), "ZOFFS": str(shell.zoffset or 0.0)}
         if name not in (*_POINTS, *_ELEMENTS) and parameter not in ("WTMASS", *_PARAMETERS):
             blocks.append(block)
-    if model.grdset is not None:
-        for number, fields in points.items():
-            own = model.nodes[number]
-            own.cp = own.cp if fields[2] else model.grdset.cp
-            own.ps = own.ps if fields[7] else model.grdset.ps
+    _refer(model, points)
+    return model, blocks, first
+
+
+def _refer(model: Any, points: Mapping[int, list[str]]) -> None:
+    """Give points their coordinate systems; number -> fields of GRID, of which some are blank."""
+    for number, fields in points.items() if model.grdset is not None else ():
+        own = model.nodes[number]
+        own.cp = own.cp if fields[2] else model.grdset.cp
+        own.ps = own.ps if fields[7] else model.grdset.ps
     only = (
         "elements nodes_with_elements properties masses materials loads constraints aero sets"
         " optimization"
     )
     model.cross_reference(**{f"xref_{name}": False for name in only.split()})
-    return model, blocks, first
 
 
 def _cards(model: Any, path: Path) -> Iterator[tuple[str, list[str], str]]:

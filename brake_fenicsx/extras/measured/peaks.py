@@ -74,13 +74,7 @@ def _table(file: Path) -> list[Peaks]:
     heading, *rows = [
         [c.strip() for c in row] for row in csv.reader(lines, delimiter=delimiter)
     ] or [[]]
-    unit = [name for name in heading if name in UNITS]
-    if len(unit) != 1 or {*heading} - {*UNITS, "q", "specimen"}:
-        raise SceneError(
-            f"{file}: the heading is {','.join(heading)}; write one of {', '.join(UNITS)}, and q"
-            " and specimen if there are any"
-        )
-    columns = (unit[0], "q")
+    columns = _columns(file, heading)
     specimens: dict[str, list[tuple[float, float]]] = {}
     for number, cells in enumerate(rows, start=1):
         if len(cells) > len(heading):
@@ -95,6 +89,17 @@ def _table(file: Path) -> list[Peaks]:
     if not specimens:
         raise SceneError(f"{file}: contains no peak; write one frequency in each line")
     return [_checked(file, name, np.array(sorted(own))) for name, own in specimens.items()]
+
+
+def _columns(file: Path, heading: list[str]) -> tuple[str, str]:
+    """Columns of the frequency and of the quality factor."""
+    unit = [name for name in heading if name in UNITS]
+    if len(unit) != 1 or {*heading} - {*UNITS, "q", "specimen"}:
+        raise SceneError(
+            f"{file}: the heading is {','.join(heading)}; write one of {', '.join(UNITS)}, and q"
+            " and specimen if there are any"
+        )
+    return unit[0], "q"
 
 
 def _poles(file: Path) -> NDArray[np.complex128]:

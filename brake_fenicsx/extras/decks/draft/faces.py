@@ -131,12 +131,11 @@ class FileParts:
             )  # fmt: skip
         names: dict[str, BoundaryFacets] = {}
         for part, face in own.items():
-            same = [n for n, f in self.faces.items() if np.array_equal(f.keys, face.keys)]
-            twice = [n for n, f in self.faces.items() if np.isin(f.keys, face.keys).any()]
+            same, twice = self._known(face)
             if twice and not same:
-                return [], f"{face.text()}; shares facets with {twice[0]}"
+                return [], f"{face.text()}; shares facets with {twice}"
             stem = clean(name).removeprefix(f"{part}_") or "face"
-            names[same[0] if same else _free(f"{part}.{stem}", self.faces, "")] = face
+            names[same or _free(f"{part}.{stem}", self.faces, "")] = face
         if not names.keys() <= self.faces.keys():
             sure = find(self.found.cell_groups, name) is None
             key = dotted(name if sure else f"{kind}:{name}")
@@ -145,6 +144,12 @@ class FileParts:
             self.groups.append(f"{key} = {value}   # {texts}")
             self.faces |= names
         return [*names], ""
+
+    def _known(self, face: BoundaryFacets) -> tuple[str, str]:
+        """Names of a face with these facets, and of one with some of them; "" without any."""
+        shares = {n: np.isin(f.keys, face.keys) for n, f in self.faces.items()}
+        same = (n for n, on in shares.items() if on.all() and on.size == len(face.corners))
+        return next(same, ""), next((n for n, on in shares.items() if on.any()), "")
 
     def _on_parts(self, kind: str, name: str) -> dict[str, BoundaryFacets]:
         """Facets of a surface, or with all corners in a set of nodes, on the boundaries."""

@@ -163,35 +163,38 @@ class Draft:
         """The tables of a section, on faces of the scene."""
         placed: dict[str, Any] = {}
         for name, keys in self.deck.tables[section].items():
-            groups = keys.get("faces", [name])
-            each = []
-            for group in groups:
-                faces, why = self.bodies.faces_of(group)
-                each.append(faces)
-                if why:
-                    self._lost(section, f"{json.dumps(group)}: {why}")
-            pairs = [[*pair] for pair in product(*each)]
-            if len(pairs) > 1 and len(groups) > 1:
-                pairs = [pair for pair in pairs if self.bodies.overlap(*pair)]
-                if not pairs:
-                    self._lost(section, f"{name}: its faces do not lie on each other")
-            elif len(pairs) > 1 and not {"along", "pressure"} & {*keys}:
-                self._lost(section, f"{name}: of {', '.join(each[0])} together")
-                continue
-            for k, pair in enumerate(pairs):
-                if len(groups) > 1:
-                    placed[f"{clean(name)}{k + 1 if k else ''}"] = keys | {"faces": pair}
+            for k, faces in enumerate(self._faces(section, name, keys)):
+                if len(faces) > 1:
+                    placed[f"{clean(name)}{k + 1 if k else ''}"] = keys | {"faces": faces}
                 elif section == "supports":
-                    before = placed.get(pair[0], "")
+                    before = placed.get(faces[0], "")
                     before = "xyz" if before == "clamped" else before
                     held = sorted({*before, *keys["along"]} & {*"xyz"})
-                    placed[pair[0]] = "clamped" if len(held) == 3 else held
-                elif section == "loads" and (before := placed.get(pair[0])):
+                    placed[faces[0]] = "clamped" if len(held) == 3 else held
+                elif section == "loads" and (before := placed.get(faces[0])):
                     both = " and ".join({**before, **keys})
-                    self._lost(section, f"{name}: {both} twice on {pair[0]}: write their sum")
+                    self._lost(section, f"{name}: {both} twice on {faces[0]}: write their sum")
                 else:
-                    placed[pair[0]] = placed.get(pair[0], {}) | keys
+                    placed[faces[0]] = placed.get(faces[0], {}) | keys
         return placed
+
+    def _faces(self, section: str, name: str, keys: dict[str, Any]) -> list[list[str]]:
+        """Faces, or pairs of them, of the scene that a table is on."""
+        groups, each = keys.get("faces", [name]), []
+        for group in groups:
+            faces, why = self.bodies.faces_of(group)
+            each.append(faces)
+            if why:
+                self._lost(section, f"{json.dumps(group)}: {why}")
+        pairs = [[*pair] for pair in product(*each)]
+        if len(pairs) > 1 and len(groups) > 1:
+            pairs = [pair for pair in pairs if self.bodies.overlap(*pair)]
+            if not pairs:
+                self._lost(section, f"{name}: its faces do not lie on each other")
+        elif len(pairs) > 1 and not {"along", "pressure"} & {*keys}:
+            self._lost(section, f"{name}: of {', '.join(each[0])} together")
+            return []
+        return pairs
 
     def _parts(self) -> None:
         """Parts and materials; a material that the file does not have is a comment."""
