@@ -51,8 +51,8 @@ def _texts(found: FileMesh, deck: Deck, sets: Iterable[str], sign: str) -> list[
     marks = [facet_keys(found.facet_groups[name]) for name in sets]
     marked = np.concatenate([np.zeros(0, dtype=np.uint64), *marks])
     elements = Counter[str]()
-    for kind, own in found.shells.items():
-        keys = facet_keys(np.array([*map(corners_of, own)]))
+    for kind, shells in found.shells.items():
+        keys = facet_keys(np.array([*map(corners_of, shells)]))
         elements[kind] = int(np.count_nonzero(~np.isin(keys, marked)))
     # What an option adds to a keyword that is read has its line in the scene alone.
     unread = [b for b, why in deck.unread if b.keyword not in KNOWN or why not in doubts(b)[1]]

@@ -50,7 +50,7 @@ class BoundaryFacets(NamedTuple):
 
     def where(self, which: NDArray[np.bool_]) -> BoundaryFacets:
         """Some of the facets."""
-        return BoundaryFacets(*(array[which] for array in self))
+        return BoundaryFacets(self.corners[which], self.vector[which], self.centre[which])
 
     @property
     def areas(self) -> Array:
