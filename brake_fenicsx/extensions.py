@@ -60,7 +60,7 @@ class Extra:
             ``changed("key=value")`` reads the scene without them after a replacement.
         commands: of the command line, each a ``Command``.
         readers: ending of a mesh file -> ``read(path)``, and how: "as an Abaqus deck".
-        unread: ``unread(path, file, mesh, faces, groups)``, what such a file holds beside its mesh.
+        unread: ``unread(path, file, faces, groups)``, what such a file holds beside its mesh.
         bodies: ``bodies(scene, mesh, elastic)``, the bodies with those given by matrices.
         nodes: ``nodes(scene)``, names of the sets of nodes of these.
         samples: what is computed beside the modes of each sample -> ``work(scene, models)``, an

@@ -125,7 +125,9 @@ def build(occ: Any, disc: Disc) -> PartEntities:
     """
     check(disc)
     half = disc.thickness / 2
-    solids = _vented(occ, disc) if disc.vanes else [_ring(occ, disc, -half, half)]
+    channels = _channels(occ, disc) if disc.vanes else []
+    ring = _tube(occ, disc.bore, disc.radius, -half, half)
+    solids = list(occ.cut([ring], channels)[0]) if channels else [ring]
     if disc.hat > 0:
         solids += _hat(occ, disc)
     if len(solids) > 1:
@@ -144,19 +146,15 @@ def build(occ: Any, disc: Disc) -> PartEntities:
     return PartEntities({"body": body}, faces, {"body": disc.size}, fine=fine)
 
 
-def _ring(occ: Any, disc: Disc, low: float, high: float) -> tuple[int, int]:
-    """Ring from bore to radius between two heights [m]."""
-    return _tube(occ, disc.bore, disc.radius, low, high)
-
-
 def _tube(occ: Any, inner: float, outer: float, low: float, high: float) -> tuple[int, int]:
+    """Ring between two radii and two heights [m]."""
     whole, hole = (occ.addCylinder(0, 0, low, 0, 0, high - low, r) for r in (outer, inner))
     return 3, int(occ.cut([(3, whole)], [(3, hole)])[0][0][1])
 
 
-def _vented(occ: Any, disc: Disc) -> Entities:
-    """Solid ring without the channels between its vanes."""
-    half, inner = disc.thickness / 2, disc.thickness / 2 - disc.cheek
+def _channels(occ: Any, disc: Disc) -> Entities:
+    """The channels between the vanes."""
+    inner = disc.thickness / 2 - disc.cheek
     # The channels are drawn flat and extruded: many times faster than cuts between solids.
     vanes = []
     for angle in 2 * np.pi * np.arange(disc.vanes) / disc.vanes:
@@ -167,8 +165,7 @@ def _vented(occ: Any, disc: Disc) -> Entities:
     outer, hole = (occ.addDisk(0, 0, -inner, r, r) for r in (disc.radius, disc.bore))
     ring, _ = occ.cut([(2, outer)], [(2, hole)])
     open_faces, _ = occ.cut(ring, vanes)
-    channels = [e for e in occ.extrude(open_faces, 0, 0, 2 * inner) if e[0] == 3]
-    return list(occ.cut([_ring(occ, disc, -half, half)], channels)[0])
+    return [e for e in occ.extrude(open_faces, 0, 0, 2 * inner) if e[0] == 3]
 
 
 def _hat(occ: Any, disc: Disc) -> Entities:

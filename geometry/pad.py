@@ -161,7 +161,7 @@ def _one_pad(occ: Any, pad: Pad, side: float) -> tuple[dict[str, list[int]], dic
     cut = pad_shape.cutters(occ, pad)
     linings = occ.cut([solids[0]], cut)[0] if cut else solids[:1]
     if pad.ear_length > 0:
-        plate = [solids[1], *pad_shape.ears(occ, pad, heights[1])]
+        plate = [solids[1], *pad_shape.ears(occ, pad, heights[1], pad.plate)]
         solids[1] = occ.fuse(plate[:1], plate[1:])[0][0]
     # The circle may reach beyond the pad: only what lies on it is imprinted.
     outside = _slab(occ, pad, heights[-2], heights[-1] - heights[-2])
@@ -196,15 +196,10 @@ def _faces(
         near = np.all(low[:2] > centre - reach) and np.all(high[:2] < centre + reach)
         return bool(near and flat_at(side * heights[-1])(low, high))
 
-    ends = []
-    for tip in pad_shape.ear_tips(pad) if pad.ear_length > 0 else ():
-        for tag in faces_where(tags, lambda low, high: bool(high[2] - low[2] > 0.5 * pad.plate)):
-            x, y, _ = occ.getCenterOfMass(2, tag)
-            if np.hypot(x - tip[0], y - tip[1]) < 1e-6:
-                ends.append(tag)
+    upright = faces_where(tags, lambda low, high: bool(high[2] - low[2] > 0.5 * pad.plate))
     return {
         "friction": faces_where(tags, flat_at(side * pad.z)),
-        "ears": ends,
+        "ears": _at_tips(occ, pad, 2, upright),
         "piston": faces_where(tags, on_piston),
     }
 
@@ -264,7 +259,7 @@ def _footprint(occ: Any, pad: Pad) -> tuple[dict[str, list[int]], list[int]]:
         tools["slot"] = [pad_shape.slot_face(occ, pad)]
     for name, tool in tools.items():
         tools[name] = occ.intersect(tool, [(2, occ.copy([body])[0][1])])[0]
-    ears = pad_shape.ear_faces(occ, pad) if pad.ear_length > 0 else []
+    ears = pad_shape.ears(occ, pad, 0.0) if pad.ear_length > 0 else []
     flat = [tool for group in tools.values() for tool in group]
     _, pieces = occ.fragment([body], flat + ears)
     inside = {
@@ -280,9 +275,12 @@ def _footprint(occ: Any, pad: Pad) -> tuple[dict[str, list[int]], list[int]]:
         regions["ears"] = sorted(tag for _, tag in outer)
     import gmsh
 
-    tips = []
-    for _, curve in gmsh.model.getEntities(1):
-        x, y, _ = occ.getCenterOfMass(1, curve)
-        if ears and any(np.hypot(x - t[0], y - t[1]) < 1e-6 for t in pad_shape.ear_tips(pad)):
-            tips.append(curve)
-    return regions, tips
+    curves = [tag for _, tag in gmsh.model.getEntities(1)]
+    return regions, _at_tips(occ, pad, 1, curves)
+
+
+def _at_tips(occ: Any, pad: Pad, dim: int, tags: list[int]) -> list[int]:
+    """Those of some curves or faces whose centres are those of the ears' ends."""
+    tips = pad_shape.ear_tips(pad) if pad.ear_length > 0 else []
+    centre = {tag: occ.getCenterOfMass(dim, tag)[:2] for tag in tags}
+    return [tag for tag in tags if any(np.hypot(*(centre[tag] - tip)) < 1e-6 for tip in tips)]

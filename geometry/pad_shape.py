@@ -160,36 +160,23 @@ def ear_tips(pad: Pad) -> list[np.ndarray]:
     return tips
 
 
-def _ear_origin(pad: Pad, end: float, offset: float, overlap: float) -> float:
-    return offset - (overlap if end > 0 else pad.ear_length)
+def ears(occ: Any, pad: Pad, z: float, height: float = 0.0) -> Entities:
+    """Ears at both ends at mid radius, overlapping the plate so that they fuse with it.
 
-
-def ears(occ: Any, pad: Pad, z: float) -> Entities:
-    """Blocks at both ends at mid radius, overlapping the plate so that they fuse."""
+    Args:
+        occ: gmsh's OpenCASCADE kernel.
+        pad: its parameters.
+        z: height of the lower face [m].
+        height: of the blocks [m]; rectangles if 0.
+    """
     overlap = 0.5 * pad.ear_width
     found = []
     for end, a, offset in ends(pad):
-        y = _ear_origin(pad, end, offset, overlap)
-        box = occ.addBox(
-            middle(pad) - pad.ear_width / 2, y, z,
-            pad.ear_width, pad.ear_length + overlap, pad.plate,
-        )  # fmt: skip
-        occ.rotate([(3, box)], 0, 0, 0, 0, 0, 1, a)
-        found.append((3, box))
-    return found
-
-
-def ear_faces(occ: Any, pad: Pad) -> Entities:
-    """Rectangles of the ears in the plane z = 0."""
-    overlap = 0.5 * pad.ear_width
-    found = []
-    for end, a, offset in ends(pad):
-        y = _ear_origin(pad, end, offset, overlap)
-        face = occ.addRectangle(
-            middle(pad) - pad.ear_width / 2, y, 0, pad.ear_width, pad.ear_length + overlap
-        )
-        occ.rotate([(2, face)], 0, 0, 0, 0, 0, 1, a)
-        found.append((2, face))
+        y = offset - (overlap if end > 0 else pad.ear_length)
+        place = middle(pad) - pad.ear_width / 2, y, z, pad.ear_width, pad.ear_length + overlap
+        ear = (3, occ.addBox(*place, height)) if height else (2, occ.addRectangle(*place))
+        occ.rotate([ear], 0, 0, 0, 0, 0, 1, a)
+        found.append(ear)
     return found
 
 

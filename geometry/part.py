@@ -30,6 +30,11 @@ class PartEntities:
     growth: float | None = None
     mirror: bool = False
 
+    @property
+    def layers(self) -> list[str]:
+        """Names of the layers."""
+        return [*self.volumes]
+
 
 @dataclass(frozen=True, slots=True)
 class Slab:
@@ -92,6 +97,11 @@ class Swept:
     mirror: bool = False
     below: bool = False
     upright: bool = False
+
+    @property
+    def layers(self) -> list[str]:
+        """Names of the layers."""
+        return [*dict.fromkeys(slab.layer for slab in self.slabs)]
 
 
 def element_count(length: float, size: float) -> int:
@@ -168,44 +178,3 @@ def faces_where(volumes: list[int], test: Callable[[np.ndarray, np.ndarray], boo
 def flat_at(z: float) -> Callable[[np.ndarray, np.ndarray], bool]:
     """Test for ``faces_where``: the face lies in the plane at height z [m]."""
     return lambda low, high: bool(abs(low[2] - z) < 1e-6 and abs(high[2] - z) < 1e-6)
-
-
-def revolved_quarter(
-    occ: Any,
-    surface: int,
-    heights: dict[str, tuple[float, float]],
-    reach: dict[str, float] | None = None,
-) -> tuple[list[int], dict[str, list[int]]]:
-    """A quarter turn of a profile about the z axis, from x to y.
-
-    Args:
-        occ: gmsh's OpenCASCADE kernel.
-        surface: profile in the x, y plane, whose y becomes z.
-        heights: face name -> lowest and highest point of a face of revolution [m].
-        reach: face name -> largest radius [m], where two faces lie at one height.
-
-    Returns:
-        The volumes, and the faces with ``symmetry_x`` (x = 0) and ``symmetry_y`` (y = 0).
-    """
-    occ.rotate([(2, surface)], 0, 0, 0, 1, 0, 0, np.pi / 2)
-    turned = occ.revolve([(2, surface)], 0, 0, 0, 0, 0, 1, np.pi / 2)
-    occ.synchronize()
-    body = [tag for dim, tag in turned if dim == 3]
-    tol = 1e-6
-
-    def between(name: str) -> Callable[[np.ndarray, np.ndarray], bool]:
-        z, r = heights[name], (reach or {}).get(name, np.inf)
-        return lambda low, high: bool(
-            abs(low[2] - z[0]) < tol and abs(high[2] - z[1]) < tol and high[0] < r + tol
-        )
-
-    faces = {
-        "symmetry_x": faces_where(body, lambda low, high: bool(high[0] < tol)),
-        "symmetry_y": faces_where(body, lambda low, high: bool(high[1] < tol)),
-    }
-    taken = [tag for tags in faces.values() for tag in tags]
-    for name in heights:
-        found = [tag for tag in faces_where(body, between(name)) if tag not in taken]
-        faces[name] = found
-        taken += found
-    return body, faces

@@ -116,7 +116,7 @@ def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> list[s
         return layers
 
     with located(scene.file):
-        return on_rank_0(checked, comm, lambda layers: layers)
+        return on_rank_0(checked, comm)
 
 
 def cut_loads(scene: Scene) -> list[str]:

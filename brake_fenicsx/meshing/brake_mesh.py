@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.geometry.part import PartEntities
+from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.geometry.part import PartEntities, Swept
 
-from .gmsh_mesh import MeshSettings, discrete_model, gmsh_session, mesh_part, swept_part
+from .gmsh_mesh import MeshSettings, built_part, discrete_model, gmsh_session, mesh_part
 from .quality import Quality, orientation, quality, volumes
 from .rawmesh import RawMesh, Unread, facet_nodes, joined
 
@@ -150,7 +151,7 @@ def tagged_mesh(make: Callable[[], RawMesh], comm: MPI.Comm, table: MeshSettings
         raw = make()
         return raw, facet_nodes(raw), check_cells(raw, table)
 
-    raw, facets, worst = on_rank_0(checked, comm, lambda found: found)
+    raw, facets, worst = on_rank_0(checked, comm)
     with gmsh_session() as gmsh:
         model = discrete_model(gmsh, raw, facets)
         domain, cell_tags, facet_tags = compat.mesh_from_gmsh(model)
@@ -201,33 +202,22 @@ def _place(mesh: RawMesh, cell: int) -> str:
     return f"({x:.1f}, {y:.1f}, {z:.1f}) mm in {layer}"
 
 
-def on_rank_0(
-    make: Callable[[], Result], comm: MPI.Comm, shared: Callable[[Result], Result]
-) -> Result:
-    """Run something on rank 0; its error is raised on all ranks.
-
-    Args:
-        make: called on rank 0.
-        comm: the ranks.
-        shared: the part of the result that the other ranks get.
+def on_rank_0(make: Callable[[], Result], comm: MPI.Comm) -> Result:
+    """What something run on rank 0 gives, on all ranks; collective.
 
     Raises:
         SceneError: what went wrong on rank 0.
     """
-    result: Result | None = None
-    note: Any = None
-    if comm.rank == 0:
+
+    def made() -> Result:
         try:
-            result = make()
-            note = shared(result)
-        except SceneError as error:
-            note = error
+            return make()
+        except SceneError:
+            raise
         except Exception as error:
-            note = SceneError(f"the mesh cannot be built: {error}")
-    note = comm.bcast(note, root=0)
-    if isinstance(note, SceneError):
-        raise note
-    return note if result is None else result
+            raise SceneError(f"the mesh cannot be built: {error}") from None
+
+    return on_first(made, comm)
 
 
 def known_names(parts: Mapping[str, Builder], table: MeshSettings) -> tuple[list[str], list[str]]:
@@ -243,29 +233,22 @@ def known_names(parts: Mapping[str, Builder], table: MeshSettings) -> tuple[list
     Raises:
         SceneError: a builder refuses its parameters; the part is named.
     """
-    layers, faces = [], []
-    own: Collection[str]
+    layers, faces = list[str](), list[str]()
     with gmsh_session() as gmsh:
         for name, (builder, values) in parts.items():
-            gmsh.model.add(name)
             try:
-                if table.cells == "hexahedra" or not hasattr(builder, "build"):
-                    part = swept_part(gmsh.model.occ, name, builder, values)
-                    own = dict.fromkeys(slab.layer for slab in part.slabs)
-                else:
-                    part = builder.build(gmsh.model.occ, values)
-                    own = part.volumes
+                part = built_part(gmsh, name, builder, values, table)
                 _check_number(gmsh.model.occ, part)
             except Exception as error:
                 raise SceneError(
                     f"parts.{name}: the geometry cannot be built: {error}; change its parameters"
                 ) from None
-            layers += [f"{name}.{layer}" for layer in own]
+            layers += [f"{name}.{layer}" for layer in part.layers]
             faces += [f"{name}.{face}" for face in part.faces]
     return layers, faces
 
 
-def _check_number(occ: Any, part: Any) -> None:
+def _check_number(occ: Any, part: PartEntities | Swept) -> None:
     """Refuse sizes that would keep gmsh busy for hours: a slip of the unit, as a rule.
 
     The number of cells is a lower one: finer places are left out.
@@ -273,7 +256,7 @@ def _check_number(occ: Any, part: Any) -> None:
     Raises:
         ValueError: about how many cells it would be.
     """
-    if hasattr(part, "slabs"):
+    if isinstance(part, Swept):
         area = {n: sum(occ.getMass(2, t) for t in tags) for n, tags in part.regions.items()}
         cells = sum(s.elements * area[r] for s in part.slabs for r in s.regions) / part.size**2
     else:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 
-from .rawmesh import CORNERS, EDGES, FACETS, facet_keys
+from .rawmesh import CORNERS, FACETS, MIDDLES, facet_keys, facet_nodes_of_cell
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -112,6 +112,22 @@ class FileMesh:
         owners = [own for own, part in parts if scope.upper() in (part.upper(), own.upper())]
         return [f"{own}.{name}" for own in owners] or [name]
 
+    def placed(self, rows: Iterable[Sequence[int]]) -> list[list[int]]:
+        """Places of nodes for rows of their numbers in the file."""
+        return [[self.numbers[n] for n in row] for row in rows]
+
+    def inside(self, kind: str, name: str, facets: Ints) -> NDArray[np.bool_]:
+        """Which facets are in a group.
+
+        Args:
+            kind: "facets", or "nodes": all corners of a facet are in the set.
+            name: of the group.
+            facets: corner nodes, shape (facets, corners).
+        """
+        if kind == "nodes":
+            return np.isin(facets, self.node_groups[name]).all(axis=1)
+        return np.isin(facet_keys(facets), facet_keys(self.facet_groups[name]))
+
 
 def same_length(rows: Iterable[Sequence[int]]) -> Ints:
     """Corner nodes of facets; of triangles among quadrilaterals the largest number comes twice.
@@ -128,52 +144,63 @@ def listed(x: NDArray[Any]) -> Any:
     return x.tolist()
 
 
-def corners_of(shells: Ints) -> Ints:
-    """Corner nodes of shells of 3, 4, 6 or 8 nodes."""
-    return shells[:, : 3 if shells.shape[1] in (3, 6) else 4]
+def corners_of(shell: list[int]) -> list[int]:
+    """Corner nodes of a shell of 3, 4, 6 or 8 nodes."""
+    return shell[: 3 if len(shell) in (3, 6) else 4]
 
 
 def numbered(
     nodes: Mapping[int, Sequence[float]],
-    solids: Mapping[int, tuple[str, Sequence[int]]],
+    solids: Mapping[int, tuple[str, list[int]]],
+    skins: Mapping[int, tuple[str, list[int]]],
     elements: Mapping[str, Sequence[int]],
     nodesets: Mapping[str, Sequence[int]],
-    shells: Iterable[int] = (),
-) -> tuple[FileMesh, Ints, dict[int, int], dict[int, int]]:
-    """Nodes and cells of a deck and the groups of them, numbered from 0.
+) -> FileMesh:
+    """Nodes, cells and shells of a deck and the groups of them, numbered from 0.
 
     Args:
         nodes: number -> position.
         solids: number -> kind and numbers of the nodes.
-        elements: name of a group -> numbers of elements, others than solids among them.
+        skins: the same of shells.
+        elements: name of a group -> numbers of elements, of others too.
         nodesets: name of a group -> numbers of nodes.
-        shells: number of nodes of each shell.
-
-    Returns:
-        The mesh without groups of facets, its cells in the deck's order of nodes, and the new
-        number of every node and of every cell.
 
     Raises:
         SceneError: cells of several kinds, or a node that is not there.
     """
-    shape, count = SOLIDS[one_kind((kind for kind, _ in solids.values()), shells)]
-    node = {number: i for i, number in enumerate(nodes)}
+    kind = one_kind((kind for kind, _ in solids.values()), (len(own) for _, own in skins.values()))
+    shape, count = SOLIDS[kind]
+    place = {number: i for i, number in enumerate(nodes)}
     cell = {number: i for i, number in enumerate(solids)}
     try:
-        cells = np.array([[node[n] for n in own] for _, own in solids.values()])
+        cells = np.array([[place[n] for n in own] for _, own in solids.values()])
     except KeyError as error:
         raise SceneError(f"node {error.args[0] % FAR} of an element is not defined") from None
-    points = np.array(list(nodes.values()), dtype=float)
-    cells = cells.reshape(-1, count).astype(np.int64)
-    mesh = FileMesh(points, shape, cells[:, gmsh_order(shape, count)], numbers=node)
-    mesh.labels = [*solids]
+    mesh = FileMesh(
+        np.array(list(nodes.values()), dtype=float), shape,
+        cells.reshape(-1, count).astype(np.int64)[:, gmsh_order(shape, count)],
+        numbers=place, labels=[*solids],
+    )  # fmt: skip
+    _add_groups(mesh, cell, skins, elements, nodesets)
+    return mesh
+
+
+def _add_groups(
+    mesh: FileMesh, cell: Mapping[int, int], skins: Mapping[int, tuple[str, list[int]]],
+    elements: Mapping[str, Sequence[int]], nodesets: Mapping[str, Sequence[int]],
+) -> None:  # fmt: skip
+    """Add groups and shells to a mesh, see ``numbered``; cell: number -> place."""
     for name, numbers in elements.items():
-        own = [cell[n] for n in numbers if n in cell]
-        if own:
+        if own := [cell[n] for n in numbers if n in cell]:
             mesh.cell_groups[name] = np.array(own)
+        if faces := mesh.placed(corners_of(skins[n][1]) for n in numbers if n in skins):
+            mesh.facet_groups[name] = same_length(faces)
+            mesh.shell_sets[name] = True
+    for kind in dict.fromkeys(kind for kind, _ in skins.values()):
+        mesh.shells[kind] = np.array(mesh.placed(own for one, own in skins.values() if one == kind))
     for name, numbers in nodesets.items():
-        mesh.node_groups[name] = np.array([node[n] for n in numbers if n in node], dtype=np.int64)
-    return mesh, cells, node, cell
+        (own,) = mesh.placed([[n for n in numbers if n in mesh.numbers]])
+        mesh.node_groups[name] = np.array(own, dtype=np.int64)
 
 
 def each_once(mesh: FileMesh, merge: bool) -> None:
@@ -227,14 +254,8 @@ def held_nodes(sign: str, held: Iterable[tuple[int, str]]) -> dict[str, list[int
 def gmsh_order(shape: str, nodes: int) -> list[int]:
     """Where gmsh's nodes of a cell stand among those of VTK, Abaqus and Ansys."""
     n = CORNERS[shape]
-    order = list(range(n))
-    if nodes > n:
-        edges = [frozenset(e) for e in _VTK_EDGES[shape]]
-        order += [n + edges.index(frozenset(e)) for e in EDGES[shape]]
-    if nodes == 27:
-        faces = [frozenset(f) for f in _VTK_FACES]
-        order += [20 + faces.index(frozenset(f)) for f in FACETS[shape]] + [26]
-    return order
+    theirs = [frozenset(some) for some in (*_VTK_EDGES[shape], *_VTK_FACES, range(8))]
+    return [*range(n), *(n + theirs.index(some) for some in MIDDLES[shape])][:nodes]
 
 
 def one_kind(kinds: Iterable[str], shells: Iterable[int] = ()) -> str:
@@ -271,14 +292,8 @@ def completed(points: Array, cells: Ints) -> tuple[Array, Ints]:
     Returns:
         The points with the new ones behind, and 27 nodes of each cell.
     """
-    edges = [frozenset(e) for e in EDGES["hexahedron"]]
     facets = cells[:, np.array(FACETS["hexahedron"])]
-    middles = np.array(
-        [
-            [8 + edges.index(frozenset(pair)) for pair in zip(f, (*f[1:], f[0]), strict=True)]
-            for f in FACETS["hexahedron"]
-        ]
-    )
+    middles = np.array([facet_nodes_of_cell("hexahedron", f)[4:8] for f in FACETS["hexahedron"]])
     x = points[cells]
     centres = 0.5 * x[:, middles].sum(axis=2) - 0.25 * points[facets].sum(axis=2)
     _, first, number = np.unique(facet_keys(facets), return_index=True, return_inverse=True)

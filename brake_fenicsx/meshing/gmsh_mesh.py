@@ -13,10 +13,13 @@ from unittest import mock
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.geometry.part import PartEntities, Swept
+
 from .quality import quality
 from .rawmesh import RawMesh, with_mirror_image, without_unused_nodes
-from .swept import footprint, sweep
+from .swept import Footprint, sweep
 
+Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 logger = logging.getLogger(__name__)
@@ -91,16 +94,25 @@ def mesh_part(gmsh: Any, name: str, builder: Any, values: Any, table: MeshSettin
     Raises:
         ValueError: the part cannot be built so.
     """
+    part = built_part(gmsh, name, builder, values, table)
+    if isinstance(part, Swept):
+        mesh = _swept_mesh(gmsh, name, part, table)
+    else:
+        mesh = _volume_mesh(gmsh, name, part, table)
+        if quality(mesh).worst < table.quality:
+            mesh = _layered(gmsh, name, builder, values, table) or mesh
+    return with_mirror_image(mesh) if part.mirror else mesh
+
+
+def built_part(
+    gmsh: Any, name: str, builder: Any, values: Any, table: MeshSettings
+) -> PartEntities | Swept:
+    """The geometry of one part in a model of its own; see ``mesh_part``."""
     gmsh.model.add(name)
     if table.cells == "hexahedra" or not hasattr(builder, "build"):
-        swept = swept_part(gmsh.model.occ, name, builder, values)
-        mesh = _swept_mesh(gmsh, name, swept, table)
-        return with_mirror_image(mesh) if swept.mirror else mesh
-    part = builder.build(gmsh.model.occ, values)
-    mesh = _volume_mesh(gmsh, name, part, table)
-    if quality(mesh).worst < table.quality:
-        mesh = _layered(gmsh, name, builder, values, table) or mesh
-    return with_mirror_image(mesh) if part.mirror else mesh
+        return _swept_part(gmsh.model.occ, name, builder, values)
+    part: PartEntities = builder.build(gmsh.model.occ, values)
+    return part
 
 
 def _layered(
@@ -109,14 +121,14 @@ def _layered(
     """Tetrahedra in layers along the sweep, where thin layers come out as slivers otherwise."""
     gmsh.model.add(f"{name} in layers")
     try:
-        swept = swept_part(gmsh.model.occ, name, builder, values)
+        swept = _swept_part(gmsh.model.occ, name, builder, values)
     except ValueError:
         return None
     logger.info("part %s is meshed in layers: its thin layers would hold slivers", name)
     return _swept_mesh(gmsh, name, swept, table)
 
 
-def swept_part(occ: Any, name: str, builder: Any, values: Any) -> Any:
+def _swept_part(occ: Any, name: str, builder: Any, values: Any) -> Swept:
     """A builder's footprint and slabs.
 
     Raises:
@@ -127,7 +139,8 @@ def swept_part(occ: Any, name: str, builder: Any, values: Any) -> Any:
             f"part {name!r} is not swept along z and has no hexahedra;"
             ' write mesh.cells = "tetrahedra"'
         )
-    return builder.sweep(occ, values)
+    swept: Swept = builder.sweep(occ, values)
+    return swept
 
 
 def _swept_mesh(gmsh: Any, name: str, swept: Any, table: MeshSettings) -> RawMesh:
@@ -144,7 +157,20 @@ def _swept_mesh(gmsh: Any, name: str, swept: Any, table: MeshSettings) -> RawMes
         model.mesh.generate(2)
     if table.order == 2:
         model.mesh.setOrder(2)
-    return sweep(footprint(model, swept, table.order), swept, name)
+    x, place = nodes_of_model(model)
+
+    def plane(dim: int, groups: dict[str, list[int]]) -> dict[str, Ints]:
+        found = {}
+        for name, own in groups.items():
+            kinds = [kind for tag in own for kind in model.mesh.getElementTypes(dim, tag)]
+            if len(kinds) != len(own):
+                raise ValueError("triangles are left in a mesh of quadrilaterals")
+            each = (elements(model, place, *pair) for pair in zip(kinds, own, strict=True))
+            found[name] = np.concatenate([*each])
+        return found
+
+    flat = Footprint(x[:, :2], plane(2, swept.regions), plane(1, swept.curves))
+    return sweep(flat, swept, name)
 
 
 def _quadrilaterals(gmsh: Any) -> None:
@@ -255,19 +281,14 @@ def gathered(
         shape: kind of cells.
         order: order of the geometry.
     """
-    tags, x, _ = model.mesh.getNodes()
-    sort = np.argsort(tags)
-    number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
-    number[tags[sort].astype(np.int64)] = np.arange(tags.size)
+    x, number = nodes_of_model(model, sort=True)
 
     def collect(dim: int, groups: dict[str, list[int]], kind: int) -> tuple[Ints, Ints]:
-        count = model.mesh.getElementProperties(kind)[3]
-        found: list[Ints] = [np.zeros((0, count), dtype=np.int64)]
-        tag: list[Ints] = [np.zeros(0, dtype=np.int64)]
+        found = [np.zeros((0, model.mesh.getElementProperties(kind)[3]), dtype=np.int64)]
+        tag = [np.zeros(0, dtype=np.int64)]
         for i, entities in enumerate(groups.values(), 1):
             for entity in entities:
-                _, nodes = model.mesh.getElementsByType(kind, entity)
-                found.append(number[nodes.astype(np.int64)].reshape(-1, count))
+                found.append(elements(model, number, kind, entity))
                 tag.append(np.full(len(found[-1]), i))
         return np.concatenate(found), np.concatenate(tag)
 
@@ -275,12 +296,27 @@ def gathered(
     facets, facet_tag = collect(2, faces, FACET_TYPE[shape, order])
     corners = 3 if shape == "tetrahedron" else 4
     mesh = RawMesh(
-        x.reshape(-1, 3)[sort], shape, cells, cell_tag, facets[:, :corners], facet_tag,
+        x, shape, cells, cell_tag, facets[:, :corners], facet_tag,
         {f"{part}.{name}": i for i, name in enumerate(volumes, 1)},
         {f"{part}.{name}": i for i, name in enumerate(faces, 1)},
     )  # fmt: skip
     # gmsh may leave nodes behind that no cell has; DOLFINx crashes on them.
     return without_unused_nodes(mesh)
+
+
+def nodes_of_model(model: Any, sort: bool = False) -> tuple[Array, Ints]:
+    """Positions of gmsh's nodes, as they come or by their tags, and the place of each tag."""
+    tags, x, _ = model.mesh.getNodes()
+    order = np.argsort(tags) if sort else np.arange(tags.size)
+    place = np.full(int(tags.max(initial=0)) + 1, -1, dtype=np.int64)
+    place[tags[order].astype(np.int64)] = np.arange(tags.size)
+    return x.reshape(-1, 3)[order], place
+
+
+def elements(model: Any, place: Ints, kind: int, entity: int) -> Ints:
+    """Nodes of the elements of one kind on an entity of gmsh, by the place of their tags."""
+    _, nodes = model.mesh.getElementsByType(kind, entity)
+    return place[nodes.astype(np.int64)].reshape(-1, model.mesh.getElementProperties(kind)[3])
 
 
 def discrete_model(gmsh: Any, mesh: RawMesh, facets: Ints) -> Any:
@@ -294,27 +330,22 @@ def discrete_model(gmsh: Any, mesh: RawMesh, facets: Ints) -> Any:
     Returns:
         ``gmsh.model``.
     """
-    model = gmsh.model
+    model, points = gmsh.model, mesh.points
     model.add("mesh")
-    kinds = CELL_TYPE[mesh.shape, mesh.order], FACET_TYPE[mesh.shape, mesh.order]
-    _entities(model, 3, mesh.layers, kinds[0], mesh.cells, mesh.cell_tag, mesh.points)
-    _entities(model, 2, mesh.faces, kinds[1], facets, mesh.facet_tag, None)
+    of, numbers = (mesh.shape, mesh.order), np.arange(1, len(points) + 1)
+    for dim, names, kind, nodes, tag in (
+        (3, mesh.layers, CELL_TYPE[of], mesh.cells, mesh.cell_tag),
+        (2, mesh.faces, FACET_TYPE[of], facets, mesh.facet_tag),
+    ):
+        for name, number in names.items():
+            own = nodes[tag == number]
+            if len(own) == 0:
+                continue
+            model.addDiscreteEntity(dim, number)
+            # All nodes are on the first entity.
+            model.mesh.addNodes(dim, number, numbers, points.reshape(-1))
+            numbers, points = numbers[:0], points[:0]
+            model.mesh.addElementsByType(number, kind, [], own.reshape(-1) + 1)
+            model.addPhysicalGroup(dim, [number], number)
+            model.setPhysicalName(dim, number, name)
     return model
-
-
-def _entities(
-    model: Any, dim: int, names: dict[str, int], kind: int, nodes: Ints, tag: Ints, points: Any
-) -> None:
-    """Discrete entities, one for each name that has elements."""
-    for name, number in names.items():
-        own = nodes[tag == number]
-        if len(own) == 0:
-            continue
-        model.addDiscreteEntity(dim, number)
-        if points is not None:
-            count = np.arange(1, len(points) + 1)
-            model.mesh.addNodes(dim, number, count, points.reshape(-1))
-            points = None
-        model.mesh.addElementsByType(number, kind, [], own.reshape(-1) + 1)
-        model.addPhysicalGroup(dim, [number], number)
-        model.setPhysicalName(dim, number, name)

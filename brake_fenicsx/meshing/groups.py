@@ -90,7 +90,7 @@ def mesh_of_file(
     file = Path(given.file)
     for extra in extras():
         if extra.unread and file.suffix in extra.readers:
-            unread = load(extra.unread)(file, found, mesh, faces, kinds.values())
+            unread = load(extra.unread)(file, found, faces, kinds.values())
             mesh = replace(mesh, unread=unread)
     return without_unused_nodes(_turned_right(_apart(mesh, faces, given.split)))
 
@@ -120,20 +120,15 @@ def _kind(found: FileMesh, group: str, target: str | list[str]) -> tuple[str, st
 
     A name that stands for several may be told apart as "cells:NAME", "facets:NAME", "nodes:NAME".
     """
-    tables: dict[str, Mapping[str, Ints]] = {
-        "cells": found.cell_groups, "facets": found.facet_groups, "nodes": found.node_groups,
-    }  # fmt: skip
+    tables = {kind: getattr(found, f"{kind[:-1]}_groups") for kind in ("cells", "facets", "nodes")}
     prefix, colon, rest = group.partition(":")
     if colon and prefix in tables:
         tables, group = {prefix: tables[prefix]}, rest
-    for kind, groups in tables.items():
-        for name in groups:
-            if name == group:
-                return kind, name
-    for kind, groups in tables.items():
-        for name in groups:
-            if name.strip('"').upper() == group.upper():
-                return kind, name
+    for plain in (str, lambda name: name.strip('"').upper()):
+        for kind, groups in tables.items():
+            for name in groups:
+                if plain(name) == plain(group):
+                    return kind, name
     known = sorted({name for groups in tables.values() for name in groups})
     near = difflib.get_close_matches(group, known, 1)
     there = f"there are {', '.join(known) or 'none'}{found.advice}"
@@ -215,17 +210,14 @@ def _faces(
         if part not in mesh.parts():
             raise SceneError(f"{where}: no part {part!r} has cells in the file")
         boundary = exterior_facets(mesh, part)
-        if kind[0] == "nodes":
-            inside = np.isin(boundary, found.node_groups[kind[1]]).all(axis=1)
-            if not inside.any():
-                raise SceneError(
-                    f"{where}: no facet of the boundary of {part!r} has all its corners in this set"
-                    " of nodes"
-                )
-        elif found.facet_groups[kind[1]].shape[1] != boundary.shape[1]:
+        if kind[0] == "facets" and found.facet_groups[kind[1]].shape[1] != boundary.shape[1]:
             raise SceneError(f"{where}: its facets are no faces of the cells")
-        else:
-            inside = np.isin(facet_keys(boundary), facet_keys(found.facet_groups[kind[1]]))
+        inside = found.inside(*kind, boundary)
+        if kind[0] == "nodes" and not inside.any():
+            raise SceneError(
+                f"{where}: no facet of the boundary of {part!r} has all its corners in this set"
+                " of nodes"
+            )
         faces[face] = boundary[inside]
         boundaries.append(facet_keys(boundary))
     if kind[0] == "facets":

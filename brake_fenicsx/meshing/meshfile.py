@@ -6,6 +6,7 @@ neither coordinate systems nor included files.
 
 from __future__ import annotations
 
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -17,8 +18,8 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import absent, extras, load
 from brake_fenicsx.folder.arrays import reading
 
-from .filemesh import NO_CELLS, SOLIDS, FileMesh, each_once, gmsh_order, one_kind, same_length
-from .gmsh_mesh import gmsh_session
+from .filemesh import SOLIDS, FileMesh, each_once, gmsh_order, listed, one_kind, same_length
+from .gmsh_mesh import elements, gmsh_session, nodes_of_model
 
 Ints = NDArray[np.int64]
 MSH = b"$MeshFormat"  # how every mesh of gmsh begins since its format 2
@@ -26,10 +27,9 @@ REMEDY = (
     "export the mesh once more, or as another of .msh, .inp, .cdb and .bdf; if another program"
     " reads the file, tell us of it"
 )
-# Gmsh's numbers of solid elements, and of triangles and quadrilaterals with their corners.
+# Gmsh's numbers of solid elements.
 _GMSH_SOLIDS = {4: "tetra", 11: "tetra10", 5: "hexahedron", 17: "hexahedron20", 12: "hexahedron27",
                 6: "wedge", 7: "pyramid", 13: "wedge18", 18: "wedge15"}  # fmt: skip
-_GMSH_SKINS = {2: 3, 9: 3, 3: 4, 10: 4, 16: 4}
 _SKINS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
 
 
@@ -74,42 +74,35 @@ def read_gmsh(path: Path) -> FileMesh:
         link.symlink_to(path.resolve())
         gmsh.open(str(link))
         model = gmsh.model
-        tags, x, _ = model.mesh.getNodes()
-        if not tags.size:
-            raise SceneError(NO_CELLS)
-        number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
-        number[tags.astype(np.int64)] = np.arange(tags.size)
+        x, place = nodes_of_model(model)
         kinds = [int(kind) for kind in model.mesh.getElementTypes(3)]
         kind = one_kind(_GMSH_SOLIDS.get(k, f"gmsh {k}") for k in kinds)
-        shape, count = SOLIDS[kind]
-
+        shape = SOLIDS[kind][0]
         cells: list[Ints] = []
         start: dict[int, tuple[int, int]] = {}
         for _, entity in model.getEntities(3):
-            _, nodes = model.mesh.getElementsByType(kinds[0], entity)
             first = sum(map(len, cells))
-            cells.append(number[nodes.astype(np.int64)].reshape(-1, count))
+            cells.append(elements(model, place, kinds[0], entity))
             start[entity] = (first, first + len(cells[-1]))
-        mesh = FileMesh(x.reshape(-1, 3), shape, np.concatenate(cells))
+        mesh = FileMesh(x, shape, np.concatenate(cells))
         for dim, group in model.getPhysicalGroups():
             name = model.getPhysicalName(dim, group) or str(group)
             entities = model.getEntitiesForPhysicalGroup(dim, group)
             if dim == 3:
                 mesh.cell_groups[name] = np.concatenate([np.arange(*start[e]) for e in entities])
             elif dim == 2:
-                mesh.facet_groups[name] = _gmsh_skin(model, entities, number, shape)
+                mesh.facet_groups[name] = _gmsh_skin(model, entities, place, shape)
     return mesh
 
 
-def _gmsh_skin(model: Any, entities: Any, number: Ints, shape: str) -> Ints:
+def _gmsh_skin(model: Any, entities: Any, place: Ints, shape: str) -> Ints:
     """Corner nodes of the facets of some surfaces."""
     corners = 3 if shape == "tetrahedron" else 4
-    found: list[Ints] = [np.zeros((0, corners), dtype=np.int64)]
+    found = [np.zeros((0, corners), dtype=np.int64)]
     for entity in entities:
-        for kind, _, nodes in zip(*model.mesh.getElements(2, entity), strict=True):
-            if _GMSH_SKINS.get(int(kind)) == corners:
-                count = model.mesh.getElementProperties(kind)[3]
-                found.append(number[nodes.astype(np.int64)].reshape(-1, count)[:, :corners])
+        for kind in model.mesh.getElementTypes(2, entity):
+            if model.mesh.getElementProperties(kind)[5] == corners:
+                found.append(elements(model, place, kind, entity)[:, :corners])
     return np.concatenate(found)
 
 
@@ -124,27 +117,18 @@ def read_other(path: Path) -> FileMesh:
     if path.suffix not in meshio.extension_to_filetypes:
         raise SceneError(f"files {path.suffix} are not known; write .msh, .inp or .bdf instead")
     read = meshio.read(path)
-    blocks = [*enumerate(read.cells)]
-    kind = one_kind(b.type for _, b in blocks if b.dim == 3)
+    kind = one_kind(block.type for block in read.cells if block.dim == 3)
     shape, count = SOLIDS[kind]
-    solid = [i for i, block in blocks if block.type == kind]
-    cells = np.vstack([np.zeros((0, count), np.int64), *(read.cells[i].data for i in solid)])
-    mesh = FileMesh(np.asarray(read.points, dtype=float), shape, cells[:, gmsh_order(shape, count)])
-    skin = [i for i, block in blocks if block.type in _SKINS]
-    for name, members in _meshio_groups(read).items():
-        offset, own = 0, []
-        for i in solid:
-            own.append(np.asarray(members[i], dtype=np.int64) + offset)
-            offset += len(read.cells[i].data)
-        if sum(map(len, own)):
-            mesh.cell_groups[name] = np.concatenate(own)
-        facets = [
-            row
-            for i in skin
-            for row in read.cells[i].data[members[i]][:, : _SKINS[read.cells[i].type]].tolist()
-        ]
-        if facets:
-            mesh.facet_groups[name] = same_length(facets)
+    cells = read.get_cells_type(kind)[:, gmsh_order(shape, count)].astype(np.int64)
+    mesh = FileMesh(np.asarray(read.points, dtype=float), shape, cells)
+    read.cell_sets = _meshio_groups(read)
+    for name, members in read.cell_sets_dict.items():
+        if members.get(kind, np.zeros(0)).size:
+            mesh.cell_groups[name] = members[kind]
+        skins = {skin: own for skin, own in members.items() if skin in _SKINS and own.size}
+        if skins:
+            tables = (read.get_cells_type(s)[own][:, : _SKINS[s]] for s, own in skins.items())
+            mesh.facet_groups[name] = same_length(chain(*map(listed, tables)))
             mesh.shell_sets[name] = True
     for name, nodes in read.point_sets.items():
         mesh.node_groups[name] = np.asarray(nodes, dtype=np.int64)
@@ -164,19 +148,11 @@ def _meshio_groups(read: Any) -> dict[str, list[Ints]]:
 
     Whole numbers of cells are groups by their value; where arrays differ, as "ARRAY:VALUE".
     """
-    groups: dict[str, list[Ints]] = {}
-    for name, members in read.cell_sets.items():
-        groups[name] = [np.asarray(m if m is not None else [], dtype=np.int64) for m in members]
-    numbers: dict[str, dict[str, list[Ints]]] = {}
-    for array, blocks in read.cell_data.items():
-        values = [np.ravel(v) for v in blocks]
-        pairs = zip(values, read.cells, strict=True)
-        if any(not np.issubdtype(v.dtype, np.integer) or len(v) != len(b.data) for v, b in pairs):
-            continue
-        for value in np.unique(np.concatenate(values)):
-            members = [np.flatnonzero(v == value) for v in values]
-            numbers.setdefault(str(value), {})[array] = members
-    for value, arrays in numbers.items():
+    groups = {
+        name: [np.asarray([] if m is None else m, dtype=np.int64) for m in members]
+        for name, members in read.cell_sets.items()
+    }
+    for value, arrays in _numbers(read).items():
         first, *rest = arrays.values()
         if all(np.array_equal(a, b) for m in rest for a, b in zip(first, m, strict=True)):
             groups.setdefault(value, first)
@@ -185,6 +161,19 @@ def _meshio_groups(read: Any) -> dict[str, list[Ints]]:
     for name, own in _families(read, "cell_tags", read.cell_data).items():
         groups[name] = [np.flatnonzero(np.isin(v, own)) for v in read.cell_data["cell_tags"]]
     return groups
+
+
+def _numbers(read: Any) -> dict[str, dict[str, list[Ints]]]:
+    """Whole number -> array of cells -> members in each block of cells."""
+    numbers: dict[str, dict[str, list[Ints]]] = {}
+    for array, blocks in read.cell_data.items():
+        values = [np.ravel(v) for v in blocks]
+        pairs = zip(values, read.cells, strict=True)
+        if all(np.issubdtype(v.dtype, np.integer) and len(v) == len(b.data) for v, b in pairs):
+            for value in np.unique(np.concatenate(values)):
+                members = [np.flatnonzero(v == value) for v in values]
+                numbers.setdefault(str(value), {})[array] = members
+    return numbers
 
 
 def _families(read: Any, tags: str, data: Any) -> dict[str, list[int]]:

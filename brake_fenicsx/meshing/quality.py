@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .rawmesh import EDGES, FACETS, RawMesh
+from .rawmesh import MIDDLES, RawMesh
 
 Array = NDArray[np.float64]
 
@@ -15,8 +16,13 @@ Array = NDArray[np.float64]
 _NEIGHBOURS = np.array(
     [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]]
 )
-# Corners around the nodes that follow the corners of a 27-node hexahedron.
-_MIDDLES = (*EDGES["hexahedron"], *FACETS["hexahedron"], tuple(range(8)))
+# Corners of the reference cells, in [0, 1]^3.
+_CORNERS = {
+    "tetrahedron": np.vstack([np.zeros(3), np.eye(3)]),
+    "hexahedron": np.array(
+        [[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    ),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +142,7 @@ def corner_jacobians(x: Array) -> Array:
 def jacobians(mesh: RawMesh) -> Array:
     """Jacobian determinants [m^3] of second-order cells at their nodes, shape (cells, nodes)."""
     x = mesh.points[mesh.cells]
-    gradient = _tetrahedron_gradients() if mesh.shape == "tetrahedron" else _hexahedron_gradients()
-    return np.asarray(np.linalg.det(np.einsum("cni,pnj->cpij", x, gradient)))
+    return np.asarray(np.linalg.det(np.einsum("cni,pnj->cpij", x, _gradients(mesh.shape))))
 
 
 def determinants(mesh: RawMesh) -> Array:
@@ -163,42 +168,22 @@ def volumes(mesh: RawMesh) -> Array:
         # Integrals of the ten shape functions.
         return np.asarray(jacobians(mesh) @ np.repeat([-1 / 120, 1 / 30], [4, 6]))
     if mesh.order == 1:
-        middles = [x[:, list(s)].mean(axis=1, keepdims=True) for s in _MIDDLES]
+        middles = [x[:, [*some]].mean(axis=1, keepdims=True) for some in MIDDLES[mesh.shape]]
         x = np.concatenate([x, *middles], axis=1)
-        J = np.linalg.det(np.einsum("cni,pnj->cpij", x, _hexahedron_gradients()))
+        J = np.linalg.det(np.einsum("cni,pnj->cpij", x, _gradients(mesh.shape)))
     else:
         J = jacobians(mesh)
     # Simpson's rule along each direction.
     return np.asarray(J @ (np.repeat([1, 4, 16, 64], [8, 12, 6, 1]) / 216))
 
 
-def _tetrahedron_gradients() -> Array:
-    """Gradients of the 10 shape functions at the 10 nodes, shape (node, function, 3)."""
-    edges = np.array(EDGES["tetrahedron"])
-    unit = np.vstack([np.zeros(3), np.eye(3)])
-    points = np.vstack([unit, unit[edges].mean(axis=1)])
-    L = np.column_stack([1 - points.sum(axis=1), points])
-    dL = np.vstack([-np.ones(3), np.eye(3)])
-    corner = (4 * L - 1)[:, :, None] * dL
-    a, b = edges.T
-    middle = 4 * (L[:, a, None] * dL[b] + L[:, b, None] * dL[a])
-    return np.concatenate([corner, middle], axis=1)
-
-
-def _hexahedron_gradients() -> Array:
-    """Gradients of the 27 shape functions at the 27 nodes, shape (node, function, 3)."""
-    corner = np.array(
-        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
-    )
-    at = np.vstack([2 * corner, [2 * corner[list(s)].mean(axis=0) for s in _MIDDLES]]).astype(int)
-    # Values and slopes of the three quadratic functions at 0, 1/2, 1.
-    value = np.eye(3)
-    slope = np.array([[-3.0, 4, -1], [-1, 0, 1], [1, -4, 3]])
-    out = np.empty((27, 27, 3))
-    for k in range(3):
-        factors = [
-            (slope if axis == k else value)[at[:, None, axis], at[None, :, axis]]
-            for axis in range(3)
-        ]
-        out[:, :, k] = factors[0] * factors[1] * factors[2]
-    return out
+def _gradients(shape: str) -> Array:
+    """Gradients of the second-order shape functions at their nodes, shape (node, function, 3)."""
+    corner = _CORNERS[shape]
+    at = np.vstack([corner, *(corner[[*some]].mean(axis=0) for some in MIDDLES[shape])])
+    most = 2 if shape == "tetrahedron" else 6
+    powers = np.array([p for p in product(range(3), repeat=3) if sum(p) <= most])
+    value = np.prod(at[:, None] ** powers, axis=2)
+    lower = np.maximum(powers - np.eye(3, dtype=int)[:, None], 0)
+    slope = powers.T[:, None] * np.prod(at[:, None] ** lower[:, None], axis=3)
+    return np.asarray(np.einsum("kpm,mf->pfk", slope, np.linalg.inv(value)))

@@ -32,6 +32,14 @@ FACETS = {
         (0, 1, 2, 3), (0, 1, 5, 4), (0, 3, 7, 4), (1, 2, 6, 5), (2, 3, 7, 6), (4, 5, 6, 7),
     ),
 }  # fmt: skip
+# Corners around each node that follows those of a second-order cell -> place of the node.
+MIDDLES = {
+    shape: {frozenset(some): CORNERS[shape] + k for k, some in enumerate(sets)}
+    for shape, sets in {
+        "tetrahedron": EDGES["tetrahedron"],
+        "hexahedron": (*EDGES["hexahedron"], *FACETS["hexahedron"], range(8)),
+    }.items()
+}
 # Corner i of the reflected cell is this corner of the cell.
 _REFLECTED = {"tetrahedron": (1, 0, 2, 3), "hexahedron": (4, 5, 6, 7, 0, 1, 2, 3)}
 
@@ -120,17 +128,8 @@ def permuted(shape: str, order: int, corner: Sequence[int]) -> Ints:
     Returns:
         Indices p: new node i is old node p[i].
     """
-    found = list(corner)
-    if order == 2:
-        n = CORNERS[shape]
-        middle = {frozenset(edge): n + k for k, edge in enumerate(EDGES[shape])}
-        found += [middle[frozenset((corner[a], corner[b]))] for a, b in EDGES[shape]]
-        if shape == "hexahedron":
-            start = n + len(EDGES[shape])
-            face = {frozenset(f): start + k for k, f in enumerate(FACETS[shape])}
-            found += [face[frozenset(corner[a] for a in f)] for f in FACETS[shape]]
-            found.append(start + len(FACETS[shape]))
-    return np.array(found)
+    middle = MIDDLES[shape] if order == 2 else {}
+    return np.array([*corner, *(middle[frozenset(corner[i] for i in some)] for some in middle)])
 
 
 def turned(mesh: RawMesh, which: NDArray[np.bool_]) -> RawMesh:
@@ -219,18 +218,24 @@ def facet_keys(corners: Ints) -> NDArray[np.uint64]:
     return np.asarray((c[..., 0] * base + c[..., 1]) * base + c[..., 2])
 
 
-def cell_facets(mesh: RawMesh, which: NDArray[np.bool_] | None = None) -> Ints:
+def cell_facets(mesh: RawMesh) -> Ints:
     """Corner nodes of every facet of the cells, shape (cells, facets of a cell, corners)."""
-    cells = mesh.cells if which is None else mesh.cells[which]
-    return np.asarray(cells[:, np.array(FACETS[mesh.shape])])
+    return np.asarray(mesh.cells[:, np.array(FACETS[mesh.shape])])
+
+
+def boundary(mesh: RawMesh, part: str) -> tuple[Ints, Ints]:
+    """Corner nodes of a part's boundary facets, shape (facets, corners), and the cell of each."""
+    own = np.flatnonzero(mesh.part(part))
+    facets = mesh.cells[own][:, np.array(FACETS[mesh.shape])]
+    cells, facets = np.repeat(own, facets.shape[1]), facets.reshape(-1, facets.shape[2])
+    _, first, count = np.unique(facet_keys(facets), return_index=True, return_counts=True)
+    outside = np.sort(first[count == 1])
+    return facets[outside], cells[outside]
 
 
 def exterior_facets(mesh: RawMesh, part: str) -> Ints:
     """Corner nodes of a part's boundary facets, shape (facets, corners)."""
-    facets = cell_facets(mesh, mesh.part(part))
-    facets = facets.reshape(-1, facets.shape[-1])
-    _, first, count = np.unique(facet_keys(facets), return_index=True, return_counts=True)
-    return np.asarray(facets[np.sort(first[count == 1])])
+    return boundary(mesh, part)[0]
 
 
 def facet_nodes(mesh: RawMesh) -> Ints:
@@ -249,16 +254,12 @@ def facet_nodes(mesh: RawMesh) -> Ints:
     found = order[np.minimum(at, keys.size - 1)]
     if np.any(keys[found] != facet_keys(mesh.facets)):
         raise ValueError("a named facet belongs to no cell")
-    table = np.array([_facet_nodes_of_cell(mesh.shape, f) for f in FACETS[mesh.shape]])
+    table = np.array([facet_nodes_of_cell(mesh.shape, f) for f in FACETS[mesh.shape]])
     return np.asarray(mesh.cells[(found // per_cell)[:, None], table[found % per_cell]])
 
 
-def _facet_nodes_of_cell(shape: str, facet: Sequence[int]) -> list[int]:
-    """Local nodes of a facet of a second-order cell."""
-    n = CORNERS[shape]
-    middle = {frozenset(edge): n + k for k, edge in enumerate(EDGES[shape])}
-    ring = [*facet[1:], facet[0]]
-    nodes = [*facet, *(middle[frozenset(pair)] for pair in zip(facet, ring, strict=True))]
-    if shape == "hexahedron":
-        nodes.append(n + len(EDGES[shape]) + FACETS[shape].index(tuple(facet)))
-    return nodes
+def facet_nodes_of_cell(shape: str, facet: Sequence[int]) -> list[int]:
+    """Local nodes of a facet of a second-order cell: corners, middles of edges, centre."""
+    pairs = zip(facet, (*facet[1:], facet[0]), strict=True)
+    centre = (facet,) if shape == "hexahedron" else ()
+    return [*facet, *(MIDDLES[shape][frozenset(some)] for some in (*pairs, *centre))]

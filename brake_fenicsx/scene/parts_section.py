@@ -17,10 +17,7 @@ from .units import MODULI
 
 # What a thickness and a displaced mesh of a part of the mesh file are called in it.
 FILE_LAYER, MORPH = "layers.", "morph."
-BUILDERS = {
-    "disc": "Disc", "pad": "Pad", "block": "Block", "hertz_sphere": "Sphere", "hertz_base": "Base",
-    "hertz_cylinder": "Cylinder", "hertz_slab": "Plate",
-}  # fmt: skip
+BUILDERS = {"disc": "Disc", "pad": "Pad", "block": "Block"}
 
 
 def _dotted(names: str | tuple[str, ...]) -> bool:

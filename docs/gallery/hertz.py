@@ -5,14 +5,16 @@
 #
 # ![Contact pressure of a cylinder against Hertz's](hertz.png)
 #
-# The scene holds a slice in plane strain. Every constraint of symmetry is a line of `[supports]`,
-# and the load is chosen for a half-width of 1.5 mm.
+# The mesh is drawn here by gmsh: half of both profiles, swept into one layer of curved hexahedra in
+# plane strain. Every constraint of symmetry is a line of `[supports]`, and the load is chosen for a
+# half-width of 1.5 mm.
 
 # +
 from pathlib import Path
 
 from mpi4py import MPI
 
+import gmsh
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -23,27 +25,64 @@ from brake_fenicsx.micro import linear_law
 E, NU, R, A = 210e9, 0.3, 50e-3, 1.5e-3
 E_STAR = E / (2 * (1 - NU**2))
 P0 = A * E_STAR / (2 * R)
+C, FINE, SLICE = 2e-3, 0.1e-3, 0.5e-3  # half-width of the meshed contact, size of its cells [m]
+
+
+def body(name, corners, arc):
+    """Half of a profile, its contact first and then anticlockwise or clockwise, swept along y."""
+    occ = gmsh.model.occ
+    at = [occ.addPoint(x, 0, z, FINE if i < 2 else 50 * FINE) for i, (x, z) in enumerate(corners)]
+    ends = [*zip(at, at[1:] + at[:1], strict=True)]
+    curves = [occ.addLine(*pair) for pair in ends[2 if arc else 0 :]]
+    if arc:
+        curves = [*(occ.addCircleArc(a, at[-1], b) for a, b in ends[:2]), *curves]
+    profile = occ.addPlaneSurface([occ.addCurveLoop(curves)])
+    swept = occ.extrude([(2, profile)], 0, SLICE, 0, [1], recombine=True)
+    occ.synchronize()
+    sides = [tag for _, tag in swept[2:]]
+    groups = {"contact": sides[:1], "far": sides[-2:-1], "symmetry": sides[-1:]}
+    for face, tags in (groups | {"ends": [profile, swept[0][1]]}).items():
+        number = gmsh.model.addPhysicalGroup(2, tags)
+        gmsh.model.setPhysicalName(2, number, f"{name} {face}")
+    number = gmsh.model.addPhysicalGroup(3, [swept[1][1]])
+    gmsh.model.setPhysicalName(3, number, name)
+
+
+gmsh.initialize()
+gmsh.option.setNumber("General.Terminal", 0)
+rise = R - (R**2 - C**2) ** 0.5
+body("cylinder", [(0, 0), (C, rise), (R, R), (0, R)], arc=True)
+body("base", [(0, 0), (C, 0), (R, 0), (R, -R), (0, -R)], arc=False)
+gmsh.option.setNumber("Mesh.RecombineAll", 1)
+gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 3)
+gmsh.model.mesh.generate(3)
+gmsh.model.mesh.setOrder(2)
+gmsh.write("hertz.msh")
+gmsh.finalize()
+
 Path("hertz.toml").write_text(f"""
 stages = ["equilibrium"]
 
 [mesh]
-cells = "hexahedra"
+file = "hertz.msh"
+unit = "m"
 order = 2                     # curved facets
 
-[parts.cylinder]
-builder = "hertz_cylinder"
-radius = "50 mm"
-slice = "0.5 mm"              # of the plane problem
-elements = 1
-fine = "0.1 mm"
-material = "steel"
+[mesh.groups]
+cylinder = "cylinder.body"
+base = "base.body"
+"cylinder contact" = "cylinder.contact"
+"cylinder far" = "cylinder.top"
+"cylinder symmetry" = "cylinder.symmetry"
+"cylinder ends" = "cylinder.ends"
+"base contact" = "base.contact"
+"base far" = "base.bottom"
+"base symmetry" = "base.symmetry"
+"base ends" = "base.ends"
 
-[parts.base]
-builder = "hertz_slab"
-depth = "50 mm"
-slice = "0.5 mm"
-fine = "0.12 mm"
-material = "steel"
+[parts]
+cylinder = {{ material = "steel" }}
+base = {{ material = "steel" }}
 
 [materials.steel]
 model = "isotropic"
@@ -57,10 +96,10 @@ law = {{ linear = "1e17 Pa/m" }}
 
 [supports]
 "base.bottom" = ["x", "z"]
-"base.symmetry_x" = ["x"]
-"base.sides" = ["y"]
-"cylinder.symmetry_x" = ["x"]
-"cylinder.sides" = ["y"]
+"base.symmetry" = ["x"]
+"base.ends" = ["y"]
+"cylinder.symmetry" = ["x"]
+"cylinder.ends" = ["y"]
 
 [loads]
 "cylinder.top" = {{ pressure = "{np.pi * A * P0 / 4 / R} Pa" }}

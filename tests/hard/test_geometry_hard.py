@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+import hertz_parts
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.geometry import block, disc, hertz_sphere, pad
+from brake_fenicsx.geometry import block, disc, pad
 from brake_fenicsx.meshing.brake_mesh import check_cells, raw_mesh
 from brake_fenicsx.meshing.filemesh import FileMesh, completed, gmsh_order
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings, gathered, gmsh_session
@@ -93,8 +94,7 @@ def test_thin_ring_of_hexahedra_keeps_positive_jacobians():
 
 def test_very_fine_contact_on_a_large_ball():
     """Mesh sizes from 5 um to 10 mm, a ratio of two thousand: no sliver elements."""
-    ball = hertz_sphere.Sphere(50e-3, 60e-6, 5e-6, 10e-3)
-    m = mesh(hertz_sphere, ball, order=2)
+    m = mesh(*hertz_parts.sphere(50e-3, 60e-6, 5e-6, 10e-3), order=2)
     assert check_cells(m, MeshSettings()).distortion > 0.3
     assert len(m.points) < 20000
 

@@ -7,6 +7,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+import hertz_parts
 from brake_fenicsx.macro.contact_elements import contact_elements
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
@@ -21,14 +22,12 @@ SLIDING = Translation((0.2, 1.0, 0.0), 1.0)
 @cache
 def bodies(cells, fine):
     """A round body on a flat one, nothing held: hexahedra a cylinder, tetrahedra a sphere."""
-    from brake_fenicsx.geometry import hertz_base, hertz_cylinder, hertz_slab, hertz_sphere
-
     if cells == "hexahedra":
-        upper = (hertz_cylinder, hertz_cylinder.Cylinder(R, fine, 2e-3, fine))
-        lower = (hertz_slab, hertz_slab.Plate(slice=fine, fine=0.7 * fine))
+        upper = hertz_parts.cylinder(R, fine, 2e-3, fine)
+        lower = hertz_parts.slab(fine, fine=0.7 * fine)
     else:
-        upper = (hertz_sphere, hertz_sphere.Sphere(R, 2e-3, fine))
-        lower = (hertz_base, hertz_base.Base(contact=2.2e-3, fine=0.7 * fine))
+        upper = hertz_parts.sphere(R, 2e-3, fine)
+        lower = hertz_parts.base(fine=0.7 * fine)
     table = MeshSettings(cells=cells, order=2)
     mesh = build_mesh({"upper": upper, "lower": lower}, MPI.COMM_WORLD, table)
     steel = Material(isotropic(2e11, 0.3), 7800.0)

@@ -86,22 +86,28 @@ def worn(points, pad):
     x, y, z = points[pad].T
     out = points.copy()
     bulge = np.sin(np.pi * z / 12e-3)
-    out[pad] = np.column_stack([
-        x * (1 + 0.08 * bulge), y + 0.04 * x * bulge, z - 4e-3 * (z / 12e-3) ** 1.3
-    ])  # fmt: skip
+    out[pad] = np.column_stack(
+        [x * (1 + 0.08 * bulge), y + 0.04 * x * bulge, z - 4e-3 * (z / 12e-3) ** 1.3]
+    )
     return out
 
 
 def narrowed(points, pad):
     """A friction face that gets narrower and moves over the plate, below a back that stays."""
     bottom = np.where(pad, 1 - points[:, 2] / 12e-3, 0)
-    move = np.column_stack([
-        -0.1 * points[:, 0] - 0.02 * points[:, 1], -0.06 * points[:, 1], 0 * bottom
-    ])  # fmt: skip
+    move = np.column_stack(
+        [-0.1 * points[:, 0] - 0.02 * points[:, 1], -0.06 * points[:, 1], 0 * bottom]
+    )
     return points + bottom[:, None] * move
 
 
 COARSE, FINE = ("hexahedra", 2, 11e-3), ("hexahedra", 2)
+
+
+def nodes_of_pad(mesh):
+    pad = np.zeros(len(mesh.points), dtype=bool)
+    pad[mesh.cells[mesh.part("pad")]] = True
+    return pad
 
 
 @pytest.fixture
@@ -111,9 +117,7 @@ def written(tmp_path, meshes):
     def write(length=None, kind=COARSE, move=worn, morph=WEAR, form="msh", mesh=None, **more):
         mesh = mesh or meshes.boxes(*kind)
         # Nodes of tetrahedra of order 2 move on their own as well.
-        pad = np.zeros(len(mesh.points), dtype=bool)
-        pad[mesh.cells[mesh.part("pad")]] = True
-        step = move(mesh.points, pad) - mesh.points
+        step = move(mesh.points, nodes_of_pad(mesh)) - mesh.points
 
         def save(name, share):
             moved = replace(mesh, points=mesh.points + share * step)
@@ -143,6 +147,20 @@ PLATE = {
     "pad": (block, block.Block(length=80e-3, width=3.4e-3, height=10e-3, z=0.0, size=3.4e-3)),
     "plate": (block, block.Block(length=80e-3, width=3.4e-3, height=4e-3, z=-4e-3, size=3.4e-3)),
 }
+
+
+def assert_same(found, exact, least, within=1e-4):
+    """At least so many modes, near each other and within the errors that are stated."""
+    assert found.s.size == exact.s.size >= least
+    distance, size = np.abs(found.s - exact.s), np.abs(exact.s)
+    assert np.all(distance < within * size)
+    # The equilibria differ by the interpolation of the compliance.
+    assert np.all(distance <= found.error + exact.error + 1e-5 * size)
+
+
+def assert_near(found, exact, bound):
+    """Matrices that differ by less than a share of the largest entry."""
+    assert abs(found - exact).max() < bound * abs(exact).max()
 
 
 def swept(low, high):
@@ -177,7 +195,7 @@ def test_matrices_are_those_of_the_file_with_moved_nodes(kind, form, more, writt
         for found, expected, bound in (
             (K, exact.K, 2e-9), (M, exact.M, 1e-10), (C, damping_terms(scene, exact).bulk, 1e-9),
         ):  # fmt: skip
-            assert abs(found - expected).max() < bound * abs(expected).max()
+            assert_near(found, expected, bound)
 
 
 def test_a_scene_with_another_value_is_the_file_of_that_length(written):
@@ -186,12 +204,11 @@ def test_a_scene_with_another_value_is_the_file_of_that_length(written):
     scene = read_scene(written(), [f"{KEY}='9.3 mm'", swept(8, 9)])
     brake = assemble_brake(scene, MPI.COMM_SELF)
     for A, B in ((brake.K, exact.K), (brake.M, exact.M), (brake.N, exact.N)):
-        assert abs(A - B).max() < 1e-9 * abs(B).max()
+        assert_near(A, B, 1e-9)
     changes = assemble_changes(scene, brake)
     assert abs(changes.change({}, "M")).max() == 0 == abs(changes.change({}, "K")).max()
     exact = assemble_brake(read_scene(written(8)), MPI.COMM_SELF)
-    K = brake.K + changes.change({KEY: 8e-3}, "K")
-    assert abs(K - exact.K).max() < 2e-9 * abs(exact.K).max()
+    assert_near(brake.K + changes.change({KEY: 8e-3}, "K"), exact.K, 2e-9)
 
 
 @pytest.mark.parametrize(
@@ -209,11 +226,7 @@ def test_modes_are_those_of_the_file_with_moved_nodes(kind, box, written):
         sets = ["stability.method=full", f"{E}='{values.get(E, 4e9)} Pa'"]
         found = prepared.modes(values)
         exact = model.prepare(written(1e3 * values[KEY], kind=kind), sets).modes()
-        assert found.s.size == exact.s.size >= 8
-        distance = np.abs(found.s - exact.s)
-        assert np.all(distance < 1e-4 * np.abs(exact.s))
-        # The equilibria differ by the interpolation of the compliance.
-        assert np.all(distance <= found.error + exact.error + 1e-5 * np.abs(exact.s))
+        assert_same(found, exact, 8)
 
 
 def test_frequencies_of_a_bar_follow_its_length(written):
@@ -225,10 +238,11 @@ def test_frequencies_of_a_bar_follow_its_length(written):
 
     bar = [
         "materials.lining={ model='isotropic', E='200 GPa', nu=0, rho='8000 kg/m^3' }",
-        "contact.pad_plate.law={ p0='5 bar', u0='1 m' }", "contact.pad_plate.friction=0",
+        "contact.pad_plate.law={ p0='5 bar', u0='1 m' }",
+        "contact.pad_plate.friction=0",
         'supports={ "pad.back"=["x", "y"], "plate.bottom"="clamped", "pad.sides"=["x", "y"] }',
         "stability.band=['0 Hz','50 kHz']",
-    ]  # fmt: skip
+    ]
     morph = 'morph.wear = { displaced = "worn.msh", ends = ["100 mm", "60 mm"] }'
     scene = written(move=worn, morph=morph, mesh=raw_mesh(BAR, MeshSettings(cells="hexahedra")))
     prepared = model.prepare(scene, bar, parameters={KEY: (60e-3, 100e-3)})
@@ -339,10 +353,7 @@ def test_a_face_in_contact_may_slide_over_the_other(kind, sets, written):
         assert w.sum() == pytest.approx(whole * (1 - 0.1 * share) * (1 - 0.06 * share), rel=1e-9)
         np.testing.assert_allclose(w, other.study.brake.w, rtol=1e-9)
         assert w @ eq.p == pytest.approx(w @ state.p, rel=1e-5)
-        assert found.s.size == exact.s.size >= 6
-        distance = np.abs(found.s - exact.s)
-        assert np.all(distance < 1e-4 * np.abs(exact.s))
-        assert np.all(distance <= found.error + exact.error + 1e-5 * np.abs(exact.s))
+        assert_same(found, exact, 6)
 
 
 def shifted(points, pad, x=0.0, tilt=0.0, plate=0.0):
@@ -361,7 +372,7 @@ def test_a_face_may_move_along_its_normal(written):
     brake = assemble_brake(scene, MPI.COMM_SELF)
     exact = assemble_brake(read_scene(written(9.3, move=shifted)), MPI.COMM_SELF)
     M = brake.M + assemble_changes(scene, brake).change({KEY: 9.3e-3}, "M")
-    assert abs(M - exact.M).max() < 1e-9 * abs(exact.M).max()
+    assert_near(M, exact.M, 1e-9)
 
 
 @pytest.mark.parametrize(
@@ -432,6 +443,20 @@ def twisted(points, pad):
     return points + np.outer(share, [0, 0, 1]) * (1e-3 + 0.05 * x + 0.02 * y)[:, None]
 
 
+SWELL = KEY.replace("wear", "swell")
+
+
+def swelling(written, meshes, kind, **more):
+    """A mesh, the swollen one, nodes of the pad, and a scene of both lengths."""
+    mesh = meshes.boxes(*kind)
+    pad = nodes_of_pad(mesh)
+    morph = WEAR + '\nmorph.swell = { displaced = "swollen.msh", ends = ["1 mm", "2 mm"] }'
+    scene = written(mesh=mesh, morph=morph, **more)
+    swollen = replace(mesh, points=twisted(mesh.points, pad))
+    meshes.write_gmsh(swollen, scene.parent / "swollen.msh")
+    return mesh, swollen, pad, scene
+
+
 @pytest.mark.parametrize(
     ("kind", "more"),
     [
@@ -441,20 +466,13 @@ def twisted(points, pad):
 )
 def test_two_lengths_and_a_modulus_of_one_part(kind, more, written, meshes):
     """Matrices of the file whose nodes both have moved; at corners of the ranges and inside."""
-    mesh = meshes.boxes(*kind)
-    pad = np.zeros(len(mesh.points), dtype=bool)
-    pad[mesh.cells[mesh.part("pad")]] = True
-    morph = WEAR + '\nmorph.swell = { displaced = "swollen.msh", ends = ["1 mm", "2 mm"] }'
-    scene = written(mesh=mesh, morph=morph, **more)
-    swollen = replace(mesh, points=twisted(mesh.points, pad))
-    meshes.write_gmsh(swollen, scene.parent / "swollen.msh")
-    swell = KEY.replace("wear", "swell")
-    ranges = {KEY: (8e-3, 12e-3), swell: (1e-3, 1.5e-3), E: (3e9, 5e9)}
+    mesh, swollen, pad, scene = swelling(written, meshes, kind, **more)
+    ranges = {KEY: (8e-3, 12e-3), SWELL: (1e-3, 1.5e-3), E: (3e9, 5e9)}
     sets = [*randomly(ranges), TURNING]
-    swelling = read_scene(scene, sets)
-    brake = assemble_brake(swelling, MPI.COMM_SELF)
-    changes = assemble_changes(swelling, brake)
-    bulk = damping_terms(swelling, brake).bulk
+    scene = read_scene(scene, sets)
+    brake = assemble_brake(scene, MPI.COMM_SELF)
+    changes = assemble_changes(scene, brake)
+    bulk = damping_terms(scene, brake).bulk
     for length, size in ((8, 1.5), (12, 1.5), (9.3, 1.2)):
         step = (12 - length) / 4 * (worn(mesh.points, pad) - mesh.points)
         both = replace(
@@ -463,26 +481,19 @@ def test_two_lengths_and_a_modulus_of_one_part(kind, more, written, meshes):
         alone = written(12, mesh=both, **more)
         exact_scene = read_scene(alone, [TURNING, f"{E}='3.5 GPa'"])
         exact = assemble_brake(exact_scene, MPI.COMM_SELF)
-        values = {KEY: length * 1e-3, swell: size * 1e-3, E: 3.5e9}
+        values = {KEY: length * 1e-3, SWELL: size * 1e-3, E: 3.5e9}
         for found, expected, bound in (
             (brake.K + changes.change(values, "K"), exact.K, 1e-8),
             (brake.M + changes.change(values, "M"), exact.M, 1e-10),
             (bulk + changes.change(values, "C"), damping_terms(exact_scene, exact).bulk, 1e-8),
         ):
-            assert abs(found - expected).max() < bound * abs(expected).max()
+            assert_near(found, expected, bound)
 
 
 def test_modes_of_two_lengths_and_a_modulus(written, meshes):
     """Full order of the same sample, at corners of the box and inside."""
-    mesh = meshes.boxes("tetrahedra", 1, 14e-3)
-    pad = np.zeros(len(mesh.points), dtype=bool)
-    pad[mesh.cells[mesh.part("pad")]] = True
-    morph = WEAR + '\nmorph.swell = { displaced = "swollen.msh", ends = ["1 mm", "2 mm"] }'
-    scene = written(mesh=mesh, morph=morph, degree=1)
-    swollen = replace(mesh, points=twisted(mesh.points, pad))
-    meshes.write_gmsh(swollen, scene.parent / "swollen.msh")
-    swell = KEY.replace("wear", "swell")
-    box = {KEY: (10.5e-3, 12e-3), swell: (1e-3, 1.5e-3), E: (3.8e9, 4.2e9)}
+    *_, scene = swelling(written, meshes, ("tetrahedra", 1, 14e-3), degree=1)
+    box = {KEY: (10.5e-3, 12e-3), SWELL: (1e-3, 1.5e-3), E: (3.8e9, 4.2e9)}
     prepared = model.prepare(scene, parameters=box)
     study = prepared.study
     for shares in ((0, 0, 0), (1, 0, 1), (0, 1, 1), (0.3, 0.63, 0.45)):
@@ -491,10 +502,49 @@ def test_modes_of_two_lengths_and_a_modulus(written, meshes):
         }
         sample, found = study.sample(("multi-scale", 0), values), prepared.modes(values)
         exact = full_modes(study.models, sample, study.balance(sample))
-        assert found.s.size == exact.s.size >= 6
-        distance = np.abs(found.s - exact.s)
-        assert np.all(distance < 1e-4 * np.abs(exact.s))
-        assert np.all(distance <= found.error + exact.error + 1e-5 * np.abs(exact.s))
+        assert_same(found, exact, 6)
+
+
+@pytest.fixture
+def layered(written, meshes):
+    """``layered(thickness, stated)``: a scene whose file has a pad of that thickness [mm]."""
+
+    def write(thickness, stated):
+        mesh = meshes.boxes("hexahedra", 2)
+        mesh.points[mesh.points[:, 2] > 0, 2] *= thickness / 12
+        return written(mesh=mesh, morph=f'layers = {{ lining = "{stated} mm" }}')
+
+    return write
+
+
+def test_a_layer_of_another_thickness_is_the_file_with_moved_nodes(layered):
+    sweep = f'sweep.parameters={{ "{LAYER}"={{ values=["9 mm", "13 mm"] }} }}'
+    scene = read_scene(layered(12, 12), [sweep])
+    brake = assemble_brake(scene, MPI.COMM_SELF)
+    changes = assemble_changes(scene, brake)
+    exact = assemble_brake(read_scene(layered(9, 9)), MPI.COMM_SELF)
+    for name in ("K", "M"):
+        found = getattr(brake, name) + changes.change({LAYER: 9e-3}, name)
+        assert_near(found, getattr(exact, name), 1e-9)
+
+
+def test_modes_of_a_layer_of_another_thickness(layered):
+    found = model.prepare(layered(12, 12), parameters={LAYER: (9e-3, 13e-3)}).modes({LAYER: 10e-3})
+    exact = model.prepare(layered(10, 10), ["stability.method=full"]).modes()
+    np.testing.assert_allclose(found.frequency, exact.frequency, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("stated", "key", "text"),
+    [
+        (11, LAYER, r"parts.pad.layers.lining = 0.011 m: the layer of the mesh is 0.012 m thick"),
+        (12, "parts.pad.layers.shim", "is no thickness of a layer of this part"),
+        (12, "parts.plate.layers.body", "is no thickness of a layer of this part"),
+    ],
+)
+def test_refused_layers(stated, key, text, layered):
+    with pytest.raises(SceneError, match=text):
+        model.prepare(layered(12, stated), parameters={key: (9e-3, 13e-3)})
 
 
 def test_a_thickness_of_a_file_and_a_displaced_mesh_are_refused(written):
@@ -553,9 +603,7 @@ def test_a_length_over_a_factor_of_three(written):
     for length in (4, 5, 7.5, 12):
         exact = model.prepare(written(length), ["stability.method=full"]).modes()
         found = prepared.modes({KEY: length * 1e-3})
-        assert found.s.size == exact.s.size
-        distance = np.abs(found.s - exact.s)
-        assert np.all(distance <= found.error + exact.error + 1e-5 * np.abs(exact.s))
+        assert_same(found, exact, 1, np.inf)
         pairs = zip(found.verdict, exact.verdict, strict=True)
         assert not any({a, b} == {"stable", "unstable"} for a, b in pairs)
 

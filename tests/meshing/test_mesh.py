@@ -6,9 +6,10 @@ import ufl
 from dolfinx import fem
 from scipy.sparse.linalg import spsolve
 
+import hertz_parts
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.geometry import block, disc, hertz_base, hertz_sphere, pad
+from brake_fenicsx.geometry import block, disc, pad
 from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.meshing.brake_mesh import build_mesh, raw_mesh
@@ -65,8 +66,8 @@ def test_middle_nodes_lie_on_the_sphere(comm):
     """DOLFINx integrates over the curved face; catches middle nodes in gmsh's order."""
     r, c = 50e-3, 4e-3
     parts = {
-        "ball": (hertz_sphere, hertz_sphere.Sphere(r, c, 0.5e-3)),
-        "base": (hertz_base, hertz_base.Base(r, r, c, 0.5e-3)),
+        "ball": hertz_parts.sphere(r, c, 0.5e-3),
+        "base": hertz_parts.base(r, r, c, 0.5e-3),
     }
     found = measures(build_mesh(parts, comm, MeshSettings(order=2)))
     assert found["ball.body"][1] == pytest.approx(np.pi * r**3 / 6, rel=2e-4)

@@ -103,23 +103,6 @@ def test_degenerate_bricks_of_ansys_are_tetrahedra(order, tmp_path, meshes):
     assert check_cells(found, MeshSettings()).distortion > 0.9
 
 
-def test_nastran_by_property(tmp_path, meshes):
-    """.bdf as meshio writes it: groups are the property numbers of solids and shells."""
-    meshio = pytest.importorskip("meshio")
-    mesh = meshes.boxes()
-    blocks = [("tetra", mesh.cells), ("triangle", mesh.facets)]
-    refs = [mesh.cell_tag, 100 + mesh.facet_tag]
-    file = tmp_path / "boxes.bdf"
-    meshio.Mesh(
-        np.round(1e3 * mesh.points, 6) + 0.0, blocks, cell_data={"nastran:ref": refs}
-    ).write(file)
-    names = {**{str(t): n for n, t in mesh.layers.items()},
-             **{str(100 + t): n for n, t in mesh.faces.items()}}  # fmt: skip
-    found = read(file, groups=names)
-    assert volumes(found)["pad.body"] == pytest.approx(VOLUME["pad.lining"], rel=1e-6)
-    assert area(found, "plate.top") == pytest.approx(AREA, rel=1e-6)
-
-
 def test_med_by_name(tmp_path, meshes):
     """Names of cells and nodes, one name of two families; meshio alone has their numbers."""
     meshio = pytest.importorskip("meshio")
@@ -301,9 +284,10 @@ def test_parts_and_instances_of_abaqus(tmp_path):
     def same(nodes, expected):
         found = mesh.points[np.unique(nodes)]
         np.testing.assert_allclose(
-            found[np.lexsort(found.round(6).T)], expected[np.lexsort(expected.round(6).T)],
+            found[np.lexsort(found.round(6).T)],
+            expected[np.lexsort(expected.round(6).T)],
             atol=1e-12,
-        )  # fmt: skip
+        )
 
     one, two, cube = direct.values()
     # A set of the assembly hides those of its name in the parts; of these each keeps its own.
@@ -317,35 +301,6 @@ def test_parts_and_instances_of_abaqus(tmp_path):
     same(mesh.facet_groups["Low"], np.vstack([one[:4], two[:4], cube[:4]]))
     same(mesh.facet_groups["Cube-1.Low"], cube[:4])
     assert sorted(mesh.cell_groups["Whole"]) == [0, 1, 2]
-
-
-def test_the_assembly_is_the_mesh_built_directly(tmp_path, meshes):
-    """Two parts written at the origin and put in their places by two instances."""
-    mesh = meshes.boxes("hexahedra")
-    meshes.write_abaqus(mesh, tmp_path / "flat.inp")
-    angle, shift = 25.0, np.array([3.0, -2.0, 1.0])
-    back = Rotation.from_euler("z", -angle, degrees=True)
-    decks = []
-    for k in range(2):
-        # Where the instance stood before it was turned about z, then moved there.
-        moved = replace(mesh, points=back.apply(mesh.points) - 1e-3 * shift)
-        meshes.write_abaqus(moved, tmp_path / "part.inp")
-        decks.append(f"*PART, NAME=P{k}\n" + (tmp_path / "part.inp").read_text() + "*END PART\n")
-    place = "{}, {}, {}\n0,0,0,0,0,1,{}\n*END INSTANCE\n".format(*shift, angle)
-    groups = {f"I{0 if 'pad' in n else 1}.{n}": target for n, target in GROUPS.items()}
-    assembly = "*ASSEMBLY, NAME=A\n" + "".join(
-        f"*INSTANCE, NAME=I{k}, PART=P{k}\n{place}" for k in (0, 1)
-    )
-    (tmp_path / "cae.inp").write_text("".join(decks) + assembly + "*END ASSEMBLY\n")
-    flat, cae = read(tmp_path / "flat.inp"), read(tmp_path / "cae.inp", groups=groups)
-    assert flat.layers.keys() == cae.layers.keys()
-    for name in flat.layers:
-        centres = [
-            m.points[m.cells[m.cell_tag == m.layers[name]]].mean(axis=1) for m in (flat, cae)
-        ]
-        np.testing.assert_allclose(*centres, atol=1e-12)
-    for name in flat.faces:
-        assert area(cae, name) == pytest.approx(area(flat, name), rel=1e-9)
 
 
 DECK = """*ELEMENT, TYPE=S3, ELSET=SHIM
@@ -472,7 +427,6 @@ def test_gap_of_a_split_mesh_opens(tmp_path, meshes):
 @pytest.mark.parametrize("cells, order", KINDS)
 def test_left_handed_cells_are_turned(cells, order, tmp_path, caplog, meshes):
     """A mesh mirrored by a preprocessor: turned with a note, the same volume, no negative cell."""
-    from dataclasses import replace
 
     mesh = meshes.boxes(cells, order)
     file = tmp_path / "mirrored.inp"
@@ -640,13 +594,3 @@ def test_c3d27_as_gmsh_writes_it(tmp_path):
     for k, facet in enumerate(FACETS["hexahedron"]):
         np.testing.assert_allclose(x[20 + k], x[[*facet]].mean(axis=0))
     np.testing.assert_allclose(x[26], x[:8].mean(axis=0))
-
-
-def test_cells_that_meshio_reads_twice_are_refused(tmp_path, meshes):
-    meshio = pytest.importorskip("meshio")
-    mesh = meshes.boxes()
-    file = tmp_path / "twice.vtu"
-    cells = np.vstack([mesh.cells, mesh.cells[4:5, [1, 0, 3, 2]]])
-    meshio.Mesh(1e3 * mesh.points, [("tetra", cells)]).write(file)
-    with pytest.raises(SceneError, match=f"elements 5 and {len(cells)} have the same corners"):
-        read_mesh_file(file)

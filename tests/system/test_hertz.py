@@ -11,7 +11,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx.geometry import hertz_base, hertz_cylinder, hertz_slab, hertz_sphere
+import hertz_parts
 from brake_fenicsx.macro.condensation import compliance
 from brake_fenicsx.macro.contact_elements import contact_elements
 from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
@@ -48,8 +48,8 @@ def line(fine, discretisation="patch", penalty=1e17):
     p0 = A * E_STAR / (2 * R)
     depth = 5 * fine
     parts = {
-        "cylinder": (hertz_cylinder, hertz_cylinder.Cylinder(R, depth, 2e-3, fine)),
-        "plate": (hertz_slab, hertz_slab.Plate(slice=depth, fine=1.2 * fine)),
+        "cylinder": hertz_parts.cylinder(R, depth, 2e-3, fine),
+        "plate": hertz_parts.slab(depth, fine=1.2 * fine),
     }
     supports = {
         "plate.bottom": ["x", "z"], "plate.symmetry_x": ["x"], "cylinder.symmetry_x": ["x"],
@@ -108,8 +108,8 @@ def sphere(fine):
     """A quarter of sphere and base: p0 = 2 a E* / (pi R)."""
     p0 = 2 * A * E_STAR / (np.pi * R)
     parts = {
-        "sphere": (hertz_sphere, hertz_sphere.Sphere(R, 1.8e-3, fine)),
-        "base": (hertz_base, hertz_base.Base(contact=2e-3, fine=1.2 * fine)),
+        "sphere": hertz_parts.sphere(R, 1.8e-3, fine),
+        "base": hertz_parts.base(contact=2e-3, fine=1.2 * fine),
     }
     supports = {"base.bottom": ["z"]}
     supports |= {f"{b}.symmetry_{x}": [x] for b in parts for x in "xy"}

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+import re
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
+from dataclasses import dataclass, field, fields, replace
 from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.meshing.filemesh import (
-    SOLIDS,
     DeckKeyword,
     FileMesh,
+    corners_of,
     held_nodes,
     numbered,
     same_length,
@@ -28,35 +28,21 @@ from .abaqus_scope import Rows, Scope, find, placement
 from .abaqus_steps import in_force
 from .node_axes import along_global
 
-Ints = NDArray[np.int64]
-Options = dict[str, str]
-
-# Start of an element type -> kind of cell; shells and membranes mark faces, or become solids.
+# Types of solid elements, which end with their number of nodes and letters of the integration.
+_SOLID = re.compile(r"(?:C3D|SC)(\d+)[HIMRTSEF]*")
 _KINDS = {
-    "C3D4": "tetra", "C3D10": "tetra10", "C3D8": "hexahedron", "C3D20": "hexahedron20",
-    "C3D27": "hexahedron27", "C3D6": "wedge", "C3D15": "wedge15", "SC6": "wedge",
-    "SC8": "hexahedron",
+    4: "tetra", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15", 20: "hexahedron20",
+    27: "hexahedron27",
 }  # fmt: skip
 # Places of the nodes of a C3D27 in the order of VTK: the body is its 21st, faces S1 to S6 follow.
 _VTK27 = (*range(20), 26, 24, 23, 25, 21, 22, 20)
-_NODES = {"wedge": 6, "wedge15": 15, "hexahedron27": 27} | {k: n for k, (_, n) in SOLIDS.items()}
-# gmsh writes faces as elements of plane stress, CPS.
-_SKINS = {"S3": 3, "S4": 4, "S6": 6, "S8": 8, "M3D3": 3, "M3D4": 4, "M3D6": 6, "M3D8": 8,
-          "CPS3": 3, "CPS4": 4, "CPS6": 6, "CPS8": 8,
-          "SFM3D3": 3, "SFM3D4": 4, "SFM3D6": 6, "SFM3D8": 8, "STRI3": 3, "STRI65": 6}  # fmt: skip
+# Shells and membranes mark faces, or become solids; gmsh writes faces as elements of plane stress.
+_SKIN = re.compile(r"(?:S|M3D|CPS|SFM3D|STRI)([3468])[RSW5]*")
 # Elements without stiffness or mass in a deck of solids: they mark faces and edges at most.
 _MARKS = ("CPS", "SFM")
 _DATA = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
 # Files that a deck may include, and numbers that a range of a set may have.
 MOST_FILES, MOST_NUMBERS = 1000, 10**7
-# Their options; with another one they would be another mesh.
-_OPTIONS = {
-    "NODE": {"NSET", "SYSTEM"}, "ELEMENT": {"TYPE", "ELSET"},
-    "NSET": {"NSET", "ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
-    "ELSET": {"ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
-    "SURFACE": {"NAME", "TYPE", "INTERNAL", "COMBINE"},
-    "PART": {"NAME"}, "INSTANCE": {"NAME", "PART"}, "ASSEMBLY": {"NAME"},
-}  # fmt: skip
 # Blocks with an end of their own.
 _CLOSED = ("PART", "INSTANCE", "ASSEMBLY")
 # What makes or moves nodes and elements, and would be missing in the mesh.
@@ -92,6 +78,12 @@ class _AbaqusDeck:
         """Where nodes, elements and sets go now."""
         return self.whole if self.open is None else self.open
 
+    def close(self) -> None:
+        """Make the surfaces of what was read, whose sets are all there now."""
+        for name, rows in self.surfaces.items():
+            self.scope.surfaces[name] = self.scope.facets(name, rows)
+        self.surfaces = {}
+
 
 def read_abaqus(path: Path) -> FileMesh:
     """Read an .inp file: parts, instances, nodes, elements, sets, surfaces and included files.
@@ -112,7 +104,7 @@ def read_abaqus(path: Path) -> FileMesh:
     for block in _blocks(path):
         if block.keyword in _CLOSED:
             within.append(block.said)
-        elif block.keyword.startswith("END ") and block.keyword[4:] in _CLOSED and within:
+        elif within and block.keyword in _ENDS:
             within.pop()
         try:
             _take(deck, block)
@@ -120,130 +112,162 @@ def read_abaqus(path: Path) -> FileMesh:
             raise SceneError(f"{block.said}: {error}") from None
     if within:
         raise SceneError(f"the file ends within {within[-1]}; is it whole?")
-    _close(deck)
+    deck.close()
     if not deck.whole.offsets:
         for part in deck.parts.values():
             deck.whole.take(part, np.eye(3), np.zeros(3))
             deck.instances[part.name] = part.name
     deck.whole.share()
     found = in_force(deck.blocks)
-    deck.blocks, lost = along_global(deck.whole, found.blocks)
-    lost += _unnamed(deck)
-    mesh = _mesh(deck.whole)
-    mesh.blocks, mesh.instances, mesh.lost = (
-        deck.blocks,
-        deck.instances,
-        [*deck.lost, *found.lost, *lost],
-    )
-    mesh.step, mesh.band, mesh.apart = found.step, found.band, [*found.removed.values()]
-    return mesh
+    blocks, turned = along_global(deck.whole, found.blocks)
+    lost = [*deck.lost, *found.lost, *turned, *_unnamed(deck.whole, blocks)]
+    return replace(
+        _mesh(deck.whole), blocks=blocks, instances=deck.instances, lost=lost, step=found.step,
+        band=found.band, apart=[*found.removed.values()],
+    )  # fmt: skip
 
 
-def _blocks(
-    path: Path, block: DeckKeyword | None = None, chain: tuple[Path, ...] = (), opened: Any = None
-) -> Iterator[DeckKeyword]:
-    """Every block, included files in their place.
+def _lines(path: Path, chain: tuple[Path, ...] = (), opened: Any = None) -> Iterator[list[str]]:
+    """Lines of a deck with their places, those of included files in their place.
 
     Args:
         path: the file.
-        block: the one whose data lines go on in it.
         chain: files that include it, one in the other.
         opened: number of each file that was opened.
+
+    Yields:
+        Place and line, a keyword with all of its lines; "" as the line where a file ends amid one.
     """
     opened = count() if opened is None else opened
     if path.resolve() in chain or next(opened) > MOST_FILES:
         raise SceneError(f"{path}: includes itself, or more than {MOST_FILES} files")
-    chain = (*chain, path.resolve())
     with reading(path, "as text"):
         text = path.read_text("utf-8", "replace")
-    lines = enumerate([*text.splitlines(), "*END"], 1)
+    lines = enumerate(text.splitlines(), 1)
     for number, line in lines:
         if line.startswith("**") or not line.strip():
             continue
-        if not line.startswith("*"):
+        while line[0] == "*" and line.rstrip().endswith(",") and (more := next(lines, None)):
+            line = line.rstrip() + more[1]
+        if line[0] == "*" and (block := _block(line, "")).keyword == "INCLUDE":
+            named = path.parent / block.options.get("INPUT", "")
+            yield from _lines(named, (*chain, path.resolve()), opened)
+        else:
+            yield [f"{path.name}:{number}", line]
+    if not text.endswith(("\n", "\r")):
+        yield ["", ""]
+
+
+def _block(line: str, at: str) -> DeckKeyword:
+    """A keyword and its options."""
+    first, *words = line[1:].split(",")
+    pairs = (word.partition("=") for word in words)
+    options = {"".join(n.split()).upper(): value.strip().strip('"') for n, _, value in pairs}
+    return DeckKeyword(keyword_of(first), options, [], line.strip(), at)
+
+
+def _blocks(path: Path) -> Iterator[DeckKeyword]:
+    """Every keyword with its data lines."""
+    block: DeckKeyword | None = None
+    for at, line in _lines(path):
+        if line[:1] == "*":
             if block:
-                words = line.strip().rstrip(",").split(",")
-                block.rows.append([word.strip() for word in words])
-            continue
-        while line.rstrip().endswith(","):
-            line = line.rstrip() + next(lines)[1]
-        first, *words = line[1:].split(",")
-        keyword = keyword_of(first)
-        if block and keyword != "INCLUDE":
-            last = line == "*END" and not text.endswith(("\n", "\r"))
-            if last and block.keyword in _DATA:
-                raise SceneError(
-                    f"the file ends within {block.said}, amid a line; is it whole? If so, end its"
-                    " last line"
-                )
-            yield block
-        pairs = (word.partition("=") for word in words)
-        options = {"".join(n.split()).upper(): value.strip().strip('"') for n, _, value in pairs}
-        if keyword == "INCLUDE":
-            yield from _blocks(path.parent / options.get("INPUT", ""), block, chain, opened)
-            block = None
-            continue
-        block = DeckKeyword(keyword, options, [], line.strip(), f"{path.name}:{number}")
+                yield block
+            block = _block(line, at)
+        elif line and block:
+            block.rows.append([word.strip() for word in line.strip().rstrip(",").split(",")])
+        elif block and block.keyword in _DATA:
+            raise SceneError(
+                f"the file ends within {block.said}, amid a line; is it whole? If so, end its last"
+                " line"
+            )
+    if block:
+        yield block
 
 
 def _take(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     """Add one block to the deck."""
-    keyword, options, rows, scope = block.keyword, block.options, block.rows, deck.scope
-    if unknown := sorted(options.keys() - _OPTIONS.get(keyword, options.keys())):
+    if block.keyword in _MAKERS:
+        raise SceneError("nodes and elements must be written one by one in Cartesian axes")
+    if block.keyword not in _TAKEN:
+        if not block.keyword.startswith("END "):
+            deck.blocks.append(replace(block, scope=deck.scope.name))
+        return
+    known, take = _TAKEN[block.keyword]
+    if unknown := sorted(block.options.keys() - known):
         said = f"its option {unknown[0]} is not understood"
-        if keyword not in ("NODE", "NSET", "ELSET") or "INPUT" in unknown:
+        if block.keyword not in ("NODE", "NSET", "ELSET") or "INPUT" in unknown:
             raise SceneError(f"{said}; write it without")
         deck.lost.append((block, said))
-    if keyword in _MAKERS or (keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"):
+    take(deck, block)
+
+
+def _part(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+    deck.close()
+    if block.keyword == "PART":
+        deck.open = deck.parts[block.options["NAME"]] = Scope(block.options["NAME"])
+
+
+def _instance(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+    """A copy of the part of an instance, or nothing yet where the instance has its own mesh."""
+    deck.close()
+    name, wanted = block.options["NAME"], block.options.get("PART", "")
+    deck.open, deck.place, deck.instances[name] = Scope(name), block.rows, wanted or name
+    key = find(deck.parts, wanted)
+    if key is not None:
+        part = deck.parts[key]
+        own = {f.name: copy(getattr(part, f.name)) for f in fields(part)} | {"name": name}
+        for sets in ("nsets", "elsets"):  # which may be added to within the instance
+            own[sets] = {n: [*numbers] for n, numbers in own[sets].items()}
+        deck.open = Scope(**own)
+    elif wanted:
+        known = ", ".join(deck.parts) or "none"
+        raise SceneError(f"part {wanted!r} is not defined before; there are: {known}")
+
+
+def _end(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+    deck.close()
+    if block.keyword == "END INSTANCE" and deck.open is not None:
+        deck.whole.take(deck.open, *placement(deck.place))
+    deck.open = None
+
+
+def _nodes(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+    scope, options = deck.scope, block.options
+    if options.get("SYSTEM", "R").upper() != "R":
         raise SceneError("nodes and elements must be written one by one in Cartesian axes")
-    if keyword == "PART":
-        _close(deck)
-        deck.open = deck.parts[options["NAME"]] = Scope(options["NAME"])
-    elif keyword == "INSTANCE":
-        _close(deck)
-        deck.open, deck.place = _instance(deck, options), rows
-        deck.instances[deck.open.name] = options.get("PART", deck.open.name)
-    elif keyword in ("END PART", "END INSTANCE", "END ASSEMBLY"):
-        _close(deck)
-        if keyword == "END INSTANCE" and deck.open is not None:
-            deck.whole.take(deck.open, *placement(deck.place))
-        deck.open = None
-    elif keyword == "NODE":
-        for row in rows:
-            if len(row) < 4:
-                raise SceneError(f"node {row[0]} has not 3 coordinates; is the file whole?")
-            scope.nodes[int(row[0])] = [float(v or 0.0) for v in row[1:4]]
-        if "NSET" in options:
-            scope.add(scope.nsets, options["NSET"], [int(row[0]) for row in rows])
-    elif keyword == "ELEMENT":
-        if not _elements(scope, options, rows):
-            deck.blocks.append(replace(block, scope=scope.name))
-    elif keyword in ("NSET", "ELSET"):
-        _set(scope, keyword, options, rows)
-    elif keyword == "SURFACE" and "NAME" in options:
-        if options.get("TYPE", "ELEMENT").upper() == "NODE":
-            numbers = [n for row in rows for n in scope.members(scope.nsets, row[:1], "")]
-            scope.add(scope.nsets, options["NAME"], numbers)
-        elif "COMBINE" in options:
-            raise SceneError("combined surfaces are not read; write their faces")
-        else:
-            if options.get("TYPE", "ELEMENT").upper() != "ELEMENT":
-                raise SceneError(f"surfaces of type {options['TYPE']} are not read; write faces")
-            deck.surfaces[options["NAME"]] = rows
-    elif not keyword.startswith("END ") and keyword != "ASSEMBLY":
+    for row in block.rows:
+        if len(row) < 4:
+            raise SceneError(f"node {row[0]} has not 3 coordinates; is the file whole?")
+        scope.nodes[int(row[0])] = [float(v or 0.0) for v in row[1:4]]
+    if "NSET" in options:
+        scope.add(scope.nsets, options["NSET"], [int(row[0]) for row in block.rows])
+
+
+def _surface(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+    scope, options = deck.scope, block.options
+    name, kind = options.get("NAME"), options.get("TYPE", "ELEMENT").upper()
+    if name is None:
         deck.blocks.append(replace(block, scope=scope.name))
+    elif kind == "NODE":
+        numbers = [n for row in block.rows for n in scope.members(scope.nsets, row[:1], "")]
+        scope.add(scope.nsets, name, numbers)
+    elif "COMBINE" in options:
+        raise SceneError("combined surfaces are not read; write their faces")
+    elif kind != "ELEMENT":
+        raise SceneError(f"surfaces of type {options['TYPE']} are not read; write faces")
+    else:
+        deck.surfaces[name] = block.rows
 
 
-def _unnamed(deck: _AbaqusDeck) -> list[tuple[DeckKeyword, str]]:
+def _unnamed(whole: Scope, blocks: Sequence[DeckKeyword]) -> list[tuple[DeckKeyword, str]]:
     """Sets of nodes and faces that supports and pressures name by their numbers alone.
 
     Returns:
         Rows that name nothing, and why.
     """
-    held, whole, lost = [], deck.whole, list[tuple[DeckKeyword, str]]()
-    for block in deck.blocks:
-        if block.scope or block.keyword not in ("BOUNDARY", "DLOAD"):
-            continue
+    held, lost = list[tuple[int, str]](), list[tuple[DeckKeyword, str]]()
+    for block in (b for b in blocks if not b.scope and b.keyword in ("BOUNDARY", "DLOAD")):
         for word, *row in block.rows:
             try:
                 if block.keyword == "DLOAD":
@@ -268,70 +292,42 @@ def held_along(row: Sequence[str]) -> str:
     return "xyzrrr"[int(row[0]) - 1]
 
 
-def _instance(deck: _AbaqusDeck, options: Options) -> Scope:
-    """A copy of the part of an instance, or nothing yet where the instance has its own mesh."""
-    name, wanted = options["NAME"], options.get("PART", "")
-    key = find(deck.parts, wanted)
-    if key is None:
-        if wanted:
-            known = ", ".join(deck.parts) or "none"
-            raise SceneError(f"part {wanted!r} is not defined before; there are: {known}")
-        return Scope(name)
-    part = deck.parts[key]
-    # Sets may be added to within the instance.
-    nsets, elsets = ({n: [*m] for n, m in sets.items()} for sets in (part.nsets, part.elsets))
-    return Scope(
-        name, dict(part.nodes), dict(part.solids), dict(part.skins), Counter(part.others), nsets,
-        elsets, dict(part.surfaces),
-    )  # fmt: skip
-
-
-def _close(deck: _AbaqusDeck) -> None:
-    """Surfaces of what was read, whose sets are all there now."""
-    scope = deck.scope
-    for name, rows in deck.surfaces.items():
-        scope.surfaces[name] = scope.facets(name, rows)
-    deck.surfaces = {}
-
-
-def _elements(scope: Scope, options: Options, rows: Rows) -> bool:
+def _elements(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     """Solids, and shells that may mark faces; others are counted and are no part of the mesh."""
+    scope, options = deck.scope, block.options
     name = options.get("TYPE", "").upper()
-    kind = _KINDS.get(name.rstrip("HIMRTSEF"))
-    skin = _SKINS.get(name) or _SKINS.get(name.rstrip("RSW5"))
-    count = _NODES[kind] if kind else skin
-    if count is None:
+    solid, skin = _SOLID.fullmatch(name), _SKIN.fullmatch(name)
+    kind = _KINDS.get(int(solid[1])) if solid else None
+    if kind is None and skin is None:
         # Sets may name this one.
         scope.add(scope.elsets, options.get("ELSET", ""), [])
         # gmsh writes the curves of its geometry as trusses.
-        curve = name.startswith("T3D") and options.get("ELSET", "").startswith("Line")
-        if not curve:
-            scope.others[name] += len(rows)
-        return curve
-    words = [int(word) for row in rows for word in row if word]
-    if len(words) % (count + 1):
-        raise SceneError(f"a row has not {count} nodes; is the file whole?")
-    table = np.array(words, dtype=np.int64).reshape(-1, count + 1)
-    for number, *nodes in table.tolist():
-        if kind == "hexahedron27":
-            nodes = [nodes[i] for i in _VTK27]
-        if kind:
-            scope.solids[number] = (kind, nodes)
-        else:
-            scope.skins[number] = name, nodes
+        if not (name.startswith("T3D") and options.get("ELSET", "").startswith("Line")):
+            scope.others[name] += len(block.rows)
+            deck.blocks.append(replace(block, scope=scope.name))
+        return
+    nodes = int((solid or skin)[1])  # type: ignore[index]
+    words = [int(word) for row in block.rows for word in row if word]
+    if len(words) % (nodes + 1):
+        raise SceneError(f"a row has not {nodes} nodes; is the file whole?")
+    table = np.array(words, dtype=np.int64).reshape(-1, nodes + 1)
+    if nodes == 27:
+        table[:, 1:] = table[:, 1:][:, _VTK27]
+    cells = scope.solids if kind else scope.skins
+    cells |= {number: (kind or name, own) for number, *own in table.tolist()}
     if "ELSET" in options:
-        scope.add(scope.elsets, options["ELSET"], [int(n) for n in table[:, 0]])
-    return True
+        scope.add(scope.elsets, options["ELSET"], table[:, 0].tolist())
 
 
-def _set(scope: Scope, keyword: str, options: Options, rows: Rows) -> None:
+def _set(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     """A set of nodes or elements: listed, generated, or made of other sets."""
+    scope, keyword, options = deck.scope, block.keyword, block.options
     sets = scope.nsets if keyword == "NSET" else scope.elsets
     if keyword not in options:
         raise SceneError(f"a *{keyword} has no name; write *{keyword}, {keyword}=NAME")
     found: list[int] = []
     instance = options.get("INSTANCE", "")
-    for row in rows:
+    for row in block.rows:
         if "GENERATE" in options:
             first, last, *step = (int(word) for word in row)
             by = scope.offset(instance)
@@ -348,24 +344,31 @@ def _set(scope: Scope, keyword: str, options: Options, rows: Rows) -> None:
     scope.add(sets, options[keyword], found)
 
 
+_SET = {"NSET", "ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"}
+_ENDS = ("END PART", "END INSTANCE", "END ASSEMBLY")
+# Keywords of the mesh: their options, as with another one it would be another mesh; their reader.
+_TAKEN: dict[str, tuple[set[str], Callable[[_AbaqusDeck, DeckKeyword], None]]] = {
+    "PART": ({"NAME"}, _part),
+    "ASSEMBLY": ({"NAME"}, _part),
+    "INSTANCE": ({"NAME", "PART"}, _instance),
+    **dict.fromkeys(_ENDS, (set(), _end)),
+    "NODE": ({"NSET", "SYSTEM"}, _nodes),
+    "ELEMENT": ({"TYPE", "ELSET"}, _elements),
+    "NSET": (_SET, _set),
+    "ELSET": (_SET - {"NSET"}, _set),
+    "SURFACE": ({"NAME", "TYPE", "INTERNAL", "COMBINE"}, _surface),
+}
+
+
 def _mesh(scope: Scope) -> FileMesh:
     """The assembly with nodes and cells numbered from 0."""
-    shells = {frozenset(scope.corners(n)): len(own) for n, (_, own) in scope.skins.items()}
-    args = scope.nodes, scope.solids, scope.elsets, scope.nsets, shells.values()
-    mesh, _, node, _ = numbered(*args)
-    for name, numbers in scope.elsets.items():
-        skins = [[node[i] for i in scope.corners(n)] for n in numbers if n in scope.skins]
-        if skins:
-            mesh.facet_groups[name] = same_length(skins)
-            mesh.shell_sets[name] = True
+    mesh = numbered(scope.nodes, scope.solids, scope.skins, scope.elsets, scope.nsets)
+    shells = {frozenset(corners_of(own)) for _, own in scope.skins.values()}
     for name, facets in scope.surfaces.items():
         if facets:
-            if shells.keys() >= {*map(frozenset, facets)}:
+            if shells >= {*map(frozenset, facets)}:
                 mesh.shell_sets[name] = False
-            mesh.facet_groups[name] = same_length([node[i] for i in facet] for facet in facets)
+            mesh.facet_groups[name] = same_length(mesh.placed(facets))
     mesh.elements = scope.others
-    for kind in dict.fromkeys(kind for kind, _ in scope.skins.values()):
-        if not kind.startswith(_MARKS):
-            own = [nodes for one, nodes in scope.skins.values() if one == kind]
-            mesh.shells[kind] = np.array([[node[i] for i in nodes] for nodes in own])
+    mesh.shells = {k: own for k, own in mesh.shells.items() if not k.startswith(_MARKS)}
     return mesh

@@ -15,7 +15,6 @@ from typing import NamedTuple
 from brake_fenicsx.meshing.filemesh import DeckKeyword
 
 MANY = 10**9
-_STRESS = "the stiffness by the stresses of the equilibrium and large displacements are in no scene"
 
 
 class Known(NamedTuple):
@@ -36,106 +35,84 @@ class Known(NamedTuple):
     opens: bool = False
 
 
-def _any(*names: str) -> dict[str, str]:
-    return dict.fromkeys(names, ".*")
+# Keyword, with + if it opens others; its options with any value, none ("=") or a pattern of values;
+# fewest and most words of a data line; fewest and most data lines, "-" for any number; options that
+# are named, and what to do. A line that begins with a blank goes on from the one before.
+_TABLE = """
+STEP+; NAME INC UNSYMM AMPLITUDE EXTRAPOLATION CONVERTSDI SOLVER NLGEOM=NO; 1 80; 0 -; NLGEOM
+ PERTURBATION: the stiffness by the stresses of the equilibrium and large displacements are in no
+ scene
+STATIC+; DIRECT SOLVER STABILIZE ALLSDTOL CONTINUE FACTOR; 1 4; 0 1
+FREQUENCY+; EIGENSOLVER SOLVER NORMALIZATION STORAGE GLOBAL SIM NSET; 1 9; 0 1
+COMPLEX FREQUENCY+; UNSTABLEMODESONLY LEFTEIGENVECTORS FRICTIONDAMPING=NO; 1 4; 0 1;
+ FRICTIONDAMPING: write stability.damping.sliding, or slope
+AMPLITUDE; NAME DEFINITION=TABULAR TIME=(STEP|TOTAL)TIME VALUE=RELATIVE; 1 8; 1 -
+MODEL CHANGE; TYPE=CONTACTPAIR ADD= REMOVE=; 2 2; 1 -
+BOUNDARY; AMPLITUDE OP=NEW|MOD TYPE=DISPLACEMENT; 2 4; 0 -
+CLOAD; AMPLITUDE OP=NEW|MOD; 3 3; 0 -
+DLOAD; AMPLITUDE OP=NEW|MOD; 2 9; 0 -
+DSLOAD; AMPLITUDE OP=NEW|MOD; 2 9; 0 -
+TRANSFORM; NSET TYPE=[RCS]; 6 6; 1 1
+MOTION; ROTATION= TRANSLATION= TYPE=VELOCITY; 4 8; 1 1
+SURFACE INTERACTION+; NAME; 0 1; 0 1
+CHANGE FRICTION+; INTERACTION; 0 0; 0 -; RESET: write the friction, AMPLITUDE: write the friction at
+ the end of the step
+FRICTION; ROUGH= EXPONENTIALDECAY= SLIPTOLERANCE ELASTICSLIP LAGRANGE; 1 4; 0 1
+SURFACE BEHAVIOR; PRESSURE-OVERCLOSURE=HARD|LINEAR|TIED AUGMENTEDLAGRANGE DIRECT PENALTY; 1 1; 0 1
+CONTACT PAIR; INTERACTION SMALLSLIDING NOTHICKNESS CPSET TRACKING HCRIT WEIGHT SLIDINGTRANSITION
+ SMOOTH SUPPLEMENTARYCONSTRAINTS MECHANICALCONSTRAINT TIED=
+ TYPE=(NODE|SURFACE)TOSURFACE|(PG)?(LIN)?MORTAR|MASSLESS; 1 2; 0 -; ADJUST: the nodes stay where
+ they are
+TIE; NAME POSITIONTOLERANCE ADJUST TYPE NOROTATION NOTHICKNESS; 2 2; 0 -
+CONTACT+; ; 0 0; 0 -
+CONTACT INCLUSIONS; ALLEXTERIOR=; 2 2; 0 -
+CONTACT EXCLUSIONS; ; 2 2; 0 -
+CONTACT PROPERTY ASSIGNMENT; ; 3 3; 0 -
+COUPLING; CONSTRAINTNAME REFNODE SURFACE; 0 0; 0 -
+RIGID BODY; REFNODE ROTNODE NSET; 0 0; 0 -
+KINEMATIC; ; 1 2; 0 -
+DISTRIBUTING; COUPLING ROTATIONALCOUPLING; 0 0; 0 -
+ELEMENT; TYPE ELSET; 1 99; 0 -
+SPRING; ELSET; 1 2; 2 2
+MASS; ELSET; 1 1; 1 1
+MATERIAL+; NAME; 0 0; 0 -
+ELASTIC; TYPE=ISO.*|ENG.*|ORTHO.*|ANISO.*; 1 8; 1 3
+DENSITY; ; 1 2; 1 1
+DAMPING; STRUCTURAL; 0 0; 0 -; ALPHA BETA: write stability.damping.rayleigh, of the whole brake
+SOLID SECTION; ELSET MATERIAL CONTROLS; 0 3; 0 1; ORIENTATION: write the axis of the part, along
+ which its forces and springs act then
+SHELL SECTION; ELSET MATERIAL COMPOSITE OFFSET SECTIONINTEGRATION NODALTHICKNESS POISSON TEMPERATURE
+ CONTROLS; 1 9; 0 -; ORIENTATION: write the axis of the part, along which its forces and springs act
+ then
+"""
 
 
-_LOAD = _any("AMPLITUDE") | {"OP": "NEW|MOD"}
-_SHELL = _any("ELSET", "MATERIAL", "COMPOSITE", "OFFSET", "SECTIONINTEGRATION", "NODALTHICKNESS",
-              "POISSON", "TEMPERATURE", "CONTROLS")  # fmt: skip
-_ORIENTATION = {
-    "ORIENTATION": "write the axis of the part, along which its forces and springs act then"
-}
-KNOWN: dict[str, Known] = {
-    # Steps
-    "STEP": Known(
-        _any("NAME", "INC", "UNSYMM", "AMPLITUDE", "EXTRAPOLATION", "CONVERTSDI", "SOLVER")
-        | {"NLGEOM": "NO"}, {"NLGEOM": _STRESS, "PERTURBATION": _STRESS}, (1, 80), opens=True,
-    ),
-    "STATIC": Known(
-        _any("DIRECT", "SOLVER", "STABILIZE", "ALLSDTOL", "CONTINUE", "FACTOR"), {}, (1, 4), (0, 1),
-        opens=True,
-    ),
-    "FREQUENCY": Known(
-        _any("EIGENSOLVER", "SOLVER", "NORMALIZATION", "STORAGE", "GLOBAL", "SIM", "NSET"), {},
-        (1, 9), (0, 1), opens=True,
-    ),
-    "COMPLEX FREQUENCY": Known(
-        _any("UNSTABLEMODESONLY", "LEFTEIGENVECTORS") | {"FRICTIONDAMPING": "NO"},
-        {"FRICTIONDAMPING": "write stability.damping.sliding, or slope"}, (1, 4), (0, 1),
-        opens=True,
-    ),
-    "AMPLITUDE": Known(
-        _any("NAME") | {"DEFINITION": "TABULAR", "TIME": "(STEP|TOTAL)TIME", "VALUE": "RELATIVE"},
-        {}, (1, 8), (1, MANY),
-    ),
-    "MODEL CHANGE": Known(
-        {"TYPE": "CONTACTPAIR", "ADD": "", "REMOVE": ""}, {}, (2, 2), (1, MANY)
-    ),
-    # Supports and loads
-    "BOUNDARY": Known(_LOAD | {"TYPE": "DISPLACEMENT"}, {}, (2, 4)),
-    "CLOAD": Known(_LOAD, {}, (3, 3)),
-    "DLOAD": Known(_LOAD, {}, (2, 9)),
-    "DSLOAD": Known(_LOAD, {}, (2, 9)),
-    "TRANSFORM": Known(_any("NSET") | {"TYPE": "[RCS]"}, {}, (6, 6), (1, 1)),
-    "MOTION": Known(
-        {"ROTATION": "", "TRANSLATION": "", "TYPE": "VELOCITY"}, {}, (4, 8), (1, 1)
-    ),
-    # Contact and joints
-    "SURFACE INTERACTION": Known(_any("NAME"), {}, (0, 1), (0, 1), opens=True),
-    "CHANGE FRICTION": Known(
-        _any("INTERACTION"),
-        {"RESET": "write the friction", "AMPLITUDE": "write the friction at the end of the step"},
-        opens=True,
-    ),
-    "FRICTION": Known(
-        {"ROUGH": "", "EXPONENTIALDECAY": ""} | _any("SLIPTOLERANCE", "ELASTICSLIP", "LAGRANGE"),
-        {}, (1, 4), (0, 1),
-    ),
-    "SURFACE BEHAVIOR": Known(
-        {"PRESSURE-OVERCLOSURE": "HARD|LINEAR|TIED"} | _any("AUGMENTEDLAGRANGE", "DIRECT",
-                                                            "PENALTY"), {}, (1, 1), (0, 1),
-    ),
-    "CONTACT PAIR": Known(
-        _any("INTERACTION", "SMALLSLIDING", "NOTHICKNESS", "CPSET", "TRACKING", "HCRIT", "WEIGHT",
-             "SLIDINGTRANSITION", "SMOOTH", "SUPPLEMENTARYCONSTRAINTS", "MECHANICALCONSTRAINT")
-        | {"TIED": "", "TYPE": "(NODE|SURFACE)TOSURFACE|(PG)?(LIN)?MORTAR|MASSLESS"},
-        {"ADJUST": "the nodes stay where they are"}, (1, 2),
-    ),
-    "TIE": Known(
-        _any("NAME", "POSITIONTOLERANCE", "ADJUST", "TYPE", "NOROTATION", "NOTHICKNESS"), {}, (2, 2)
-    ),
-    "CONTACT": Known(opens=True),
-    "CONTACT INCLUSIONS": Known({"ALLEXTERIOR": ""}, {}, (2, 2)),
-    "CONTACT EXCLUSIONS": Known({}, {}, (2, 2)),
-    "CONTACT PROPERTY ASSIGNMENT": Known({}, {}, (3, 3)),
-    "COUPLING": Known(_any("CONSTRAINTNAME", "REFNODE", "SURFACE")),
-    "RIGID BODY": Known(_any("REFNODE", "ROTNODE", "NSET")),
-    "KINEMATIC": Known({}, {}, (1, 2)),
-    "DISTRIBUTING": Known(_any("COUPLING", "ROTATIONALCOUPLING")),
-    "ELEMENT": Known(_any("TYPE", "ELSET"), {}, (1, 99)),
-    "SPRING": Known(_any("ELSET"), {}, (1, 2), (2, 2)),
-    "MASS": Known(_any("ELSET"), {}, (1, 1), (1, 1)),
-    # Materials and sections
-    "MATERIAL": Known(_any("NAME"), opens=True),
-    "ELASTIC": Known({"TYPE": "ISO.*|ENG.*|ORTHO.*|ANISO.*"}, {}, (1, 8), (1, 3)),
-    "DENSITY": Known({}, {}, (1, 2), (1, 1)),
-    "DAMPING": Known(
-        _any("STRUCTURAL"),
-        dict.fromkeys(("ALPHA", "BETA"), "write stability.damping.rayleigh, of the whole brake"),
-    ),
-    "SOLID SECTION": Known(_any("ELSET", "MATERIAL", "CONTROLS"), _ORIENTATION, (0, 3), (0, 1)),
-    "SHELL SECTION": Known(_SHELL, _ORIENTATION, (1, 9)),
-    "SHELL GENERAL SECTION": Known(_SHELL, _ORIENTATION, (1, 9)),
-}  # fmt: skip
+def _known(row: str) -> tuple[str, Known]:
+    """A keyword of the table."""
+    name, options, words, lines, *aside = (cell.strip() for cell in row.split(";"))
+    given = (word.partition("=") for word in options.split())
+    fewest, most = lines.split()
+    said = re.findall(r"((?:[A-Z]+ ?)+): (.*?)(?:, (?=[A-Z]+: )|$)", " ".join(aside))
+    known = Known(
+        {option: pattern if sign else ".*" for option, sign, pattern in given},
+        {option: text for options, text in said for option in options.split()},
+        (int(words.split()[0]), int(words.split()[1])),
+        (int(fewest), MANY if most == "-" else int(most)),
+        opens=name.endswith("+"),
+    )
+    return name.rstrip("+"), known
+
+
+KNOWN = dict(map(_known, _TABLE.strip().replace("\n ", " ").split("\n")))
+KNOWN["SHELL GENERAL SECTION"] = KNOWN["SHELL SECTION"]
 # Keywords of which nothing is lost: output, and what others name.
-HARMLESS = frozenset({
-    "HEADING", "PREPRINT", "RESTART", "OUTPUT", "ELEMENT OUTPUT", "NODE OUTPUT", "CONTACT OUTPUT",
-    "ENERGY OUTPUT", "MODAL OUTPUT", "NODE PRINT", "EL PRINT", "CONTACT PRINT", "ENERGY PRINT",
-    "MODAL PRINT", "SECTION PRINT", "NODE FILE", "EL FILE", "ELEMENT FILE", "CONTACT FILE",
-    "ENERGY FILE", "MODAL FILE", "FILE FORMAT", "FILE OUTPUT", "MONITOR", "PRINT", "TIME POINTS",
-    "DIAGNOSTICS", "CONTROLS", "SOLVER CONTROLS", "SECTION CONTROLS", "ORIENTATION",
-})  # fmt: skip
+_SILENT = """
+HEADING, PREPRINT, RESTART, OUTPUT, ELEMENT OUTPUT, NODE OUTPUT, CONTACT OUTPUT, ENERGY OUTPUT,
+MODAL OUTPUT, NODE PRINT, EL PRINT, CONTACT PRINT, ENERGY PRINT, MODAL PRINT, SECTION PRINT,
+NODE FILE, EL FILE, ELEMENT FILE, CONTACT FILE, ENERGY FILE, MODAL FILE, FILE FORMAT, FILE OUTPUT,
+MONITOR, PRINT, TIME POINTS, DIAGNOSTICS, CONTROLS, SOLVER CONTROLS, SECTION CONTROLS, ORIENTATION
+"""
+HARMLESS = frozenset(word.strip() for word in _SILENT.split(","))
 _ENDS = ("END STEP", "END PART", "END INSTANCE", "END ASSEMBLY")
 _PLAIN = {name.replace(" ", ""): name for name in (*KNOWN, *HARMLESS, *_ENDS)}
 

@@ -7,14 +7,16 @@ offset; what belongs to an instance is named "INSTANCE.NAME", and "NAME" stands 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.meshing.filemesh import FAR, SOLIDS
+from brake_fenicsx.meshing.filemesh import FAR, SOLIDS, corners_of
 
 Array = NDArray[np.float64]
 
@@ -43,7 +45,6 @@ class Scope:
         elsets: name -> numbers of elements.
         surfaces: name -> corner nodes of each facet.
         offsets: instance -> what its numbers were moved by.
-        common: sets and surfaces of all instances by their name alone.
     """
 
     name: str = ""
@@ -55,9 +56,6 @@ class Scope:
     elsets: dict[str, list[int]] = field(default_factory=dict)
     surfaces: dict[str, list[list[int]]] = field(default_factory=dict)
     offsets: dict[str, int] = field(default_factory=dict)
-    common: tuple[Sets, Sets, dict[str, list[list[int]]]] = field(
-        default_factory=lambda: ({}, {}, {})
-    )
 
     def add(self, sets: dict[str, list[int]], name: str, numbers: Sequence[int]) -> None:
         """Add to a set; a second block of the same name extends the first."""
@@ -107,44 +105,37 @@ class Scope:
         """
         found: list[list[int]] = []
         free = self._free() if any(not (row[1:] or [""])[0] for row in rows) else {}
-        for member, *side in rows:
+        for member, *sides in rows:
+            side = sides[0].upper() if sides else ""
             for number in self.members(self.elsets, [member], ""):
                 if number in self.skins:
-                    corners, word = self.corners(number), (side or [""])[0].upper()
+                    corners = corners_of(self.skins[number][1])
                     # A pressure on the element, "S", acts along the normal: on SNEG.
-                    found += [corners] * (word in ("", "SPOS")) + [corners[::-1]] * (word != "SPOS")
-                elif number in self.solids and not (side and side[0]):
-                    found += free.get(number, [])
+                    found += [corners] * (side in ("", "SPOS")) + [corners[::-1]] * (side != "SPOS")
                 elif number in self.solids:
-                    found.append(self._facet(name, number, side[0] if side else ""))
+                    found += [self._facet(name, number, side)] if side else free.get(number, [])
         return found
 
     def _free(self) -> dict[int, list[list[int]]]:
         """Facets on the boundary of the solids, by element."""
-        seen, facets = Counter[frozenset[int]](), list[tuple[int, list[int]]]()
-        for number, (kind, nodes) in self.solids.items():
-            for face in FACES.get(SOLIDS[kind][0] if kind in SOLIDS else "", ()):
-                facets.append((number, [nodes[i] for i in face]))
-                seen[frozenset(facets[-1][1])] += 1
+        facets = [
+            (number, [nodes[i] for i in face])
+            for number, (kind, nodes) in self.solids.items()
+            for face in _faces(kind)
+        ]
+        seen = Counter(frozenset(corners) for _, corners in facets)
         found: dict[int, list[list[int]]] = {}
         for number, corners in facets:
             if seen[frozenset(corners)] == 1:
                 found.setdefault(number, []).append(corners)
         return found
 
-    def corners(self, number: int) -> list[int]:
-        """Corner nodes of a shell."""
-        nodes = self.skins[number][1]
-        return nodes[: 3 if len(nodes) in (3, 6) else 4]
-
     def _facet(self, name: str, number: int, side: str) -> list[int]:
         kind, nodes = self.solids[number]
-        shape = SOLIDS[kind][0] if kind in SOLIDS else ""
-        index = int(side[1:]) if side[:1].upper() == "S" and side[1:].isdigit() else 0
-        faces = FACES.get(shape, ())
-        if not 1 <= index <= len(faces):
+        faces = {f"S{i}": face for i, face in enumerate(_faces(kind), 1)}
+        if side not in faces:
             raise SceneError(f"surface {name!r}: face {side!r}; write S1 to S{len(faces)}")
-        return [nodes[i] for i in faces[index - 1]]
+        return [nodes[i] for i in faces[side]]
 
     def take(self, other: Scope, turn: Array, shift: Array) -> None:
         """Put an instance in its place.
@@ -156,32 +147,39 @@ class Scope:
         """
         # The assembly has numbers of its own, as of reference points.
         by = self.offsets[other.name] = FAR * (1 + len(self.offsets))
+
+        def moved(numbers: Iterable[int]) -> list[int]:
+            return [number + by for number in numbers]
+
         if other.nodes:
             x = np.array(list(other.nodes.values())) @ turn.T + shift
-            self.nodes |= {n + by: [*map(float, p)] for n, p in zip(other.nodes, x, strict=True)}
-        self.solids |= {n + by: (k, [i + by for i in c]) for n, (k, c) in other.solids.items()}
-        self.skins |= {n + by: (k, [i + by for i in c]) for n, (k, c) in other.skins.items()}
+            self.nodes |= dict(zip(moved(other.nodes), x.tolist(), strict=True))
+        for cells, own in ((self.solids, other.solids), (self.skins, other.skins)):
+            cells |= {n + by: (kind, moved(nodes)) for n, (kind, nodes) in own.items()}
         self.others += other.others
-        every = [n + by for n in other.solids]
-        nsets, elsets, surfaces = self.common
-        pairs = ((self.nsets, nsets, other.nsets), (self.elsets, elsets, other.elsets))
-        for mine, shared, theirs in pairs:
-            for name, own in theirs.items():
-                mine[f"{other.name}.{name}"] = [n + by for n in own]
-                self.add(shared, name, [n + by for n in own])
-        if every:
-            self.elsets.setdefault(other.name, every)
+        for sets, of in ((self.nsets, other.nsets), (self.elsets, other.elsets)):
+            sets |= {f"{other.name}.{name}": moved(numbers) for name, numbers in of.items()}
         for name, facets in other.surfaces.items():
-            placed = [[i + by for i in facet] for facet in facets]
-            self.surfaces[f"{other.name}.{name}"] = placed
-            surfaces.setdefault(find(surfaces, name) or name, []).extend(placed)
+            self.surfaces[f"{other.name}.{name}"] = [moved(facet) for facet in facets]
+        if other.solids:
+            self.elsets.setdefault(other.name, moved(other.solids))
 
     def share(self) -> None:
-        """Name sets of instances without the instance, where the assembly has no such set."""
-        nsets, elsets, surfaces = self.common
-        for mine, shared in ((self.nsets, nsets), (self.elsets, elsets)):
-            mine |= {name: own for name, own in shared.items() if find(mine, name) is None}
-        self.surfaces |= {n: f for n, f in surfaces.items() if find(self.surfaces, n) is None}
+        """Name sets and surfaces of instances without the instance, where there is no such name."""
+        tables: tuple[dict[str, Any], ...] = (self.nsets, self.elsets, self.surfaces)
+        for table in tables:
+            shared: dict[str, list[Any]] = {}
+            for name, own in table.items():
+                owner = next((o for o in self.offsets if name.startswith(f"{o}.")), None)
+                if owner is not None:
+                    plain = name[len(owner) + 1 :]
+                    shared.setdefault(find(shared, plain) or plain, []).extend(own)
+            table |= {name: own for name, own in shared.items() if find(table, name) is None}
+
+
+def _faces(kind: str) -> Sequence[Sequence[int]]:
+    """Corners of the faces of a kind of cell; none of one that no scene has."""
+    return FACES.get(SOLIDS[kind][0] if kind in SOLIDS else "", ())
 
 
 def find(names: Mapping[str, object], name: str) -> str | None:
@@ -212,7 +210,5 @@ def placement(rows: Rows) -> tuple[Array, Array]:
     length = np.linalg.norm(b - a)
     if length == 0.0:
         raise SceneError("the axis of an *INSTANCE's rotation has two equal points")
-    x, y, z = (b - a) / length
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turn = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    turn = Rotation.from_rotvec(angle / length * (b - a)).as_matrix()
     return turn, turn @ (shift - a) + a

@@ -7,40 +7,39 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from operator import length_hint
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh, held_nodes, numbered
 
 from .node_axes import TURNED, component_along
 
-Ints = NDArray[np.int64]
+Array = NDArray[np.float64]
 
 # Solid elements by their routine number; others, as of contact, are counted and left out.
 _SOLIDS = {45, 64, 65, 73, 92, 95, 185, 186, 187, 285}
-_NAMES = {
-    14: "COMBIN14", 21: "MASS21", 61: "SHELL61", 63: "SHELL63", 154: "SURF154", 169: "TARGE169",
-    170: "TARGE170", 172: "CONTA172", 173: "CONTA173", 174: "CONTA174", 175: "CONTA175",
-    178: "CONTA178", 179: "PRETS179", 180: "LINK180", 181: "SHELL181", 184: "MPC184",
-    188: "BEAM188", 189: "BEAM189", 190: "SOLSH190", 214: "COMBI214", 250: "COMBI250",
-    281: "SHELL281",
-}  # fmt: skip
+_OTHERS = (
+    "COMBIN14 MASS21 SHELL61 SHELL63 SURF154 TARGE169 TARGE170 CONTA172 CONTA173 CONTA174 CONTA175"
+    " CONTA178 PRETS179 LINK180 SHELL181 MPC184 BEAM188 BEAM189 SOLSH190 COMBI214 COMBI250 SHELL281"
+)
+_NAMES = {int(re.sub(r"\D", "", name)): name for name in _OTHERS.split()}
 # Meshing facets, which only gmsh's and Ansys' own meshers use.
 _FACETS = 200
 # Commands of which nothing is lost: titles, settings of the preprocessor, names of types.
-_HARMLESS = {
-    "/COM", "/PREP7", "/NOPR", "/GOPR", "/GO", "/TITLE", "/BATCH", "/CONFIG", "/UNITS", "/NERR",
-    "/WB", "FINISH", "NUMOFF", "*SET", "*IF", "*ENDIF", "*ELSE", "ET", "ETBLOCK", "N", "TYPE",
-    "MAT", "REAL", "ESYS", "SECNUM", "CSYS", "DSYS", "SHPP", "ERESX", "EXTOPT", "TREF", "BFUNIF",
-    "TUNIF", "MPTEMP", "CM", "CMSEL", "NSEL", "ESEL", "ALLSEL", "DOF", "EN", "ANTYPE", "MODOPT",
-    "MODCONTROL", "QRDOPT", "IRLF", "NCNV", "NEQIT", "KUSE", "CRPLIM", "TIME", "OUTRES", "NSUBST",
-}  # fmt: skip
+_SILENT = """
+/COM /PREP7 /NOPR /GOPR /GO /TITLE /BATCH /CONFIG /UNITS /NERR /WB FINISH NUMOFF *SET *IF *ENDIF
+*ELSE ET ETBLOCK N TYPE MAT REAL ESYS SECNUM CSYS DSYS SHPP ERESX EXTOPT TREF BFUNIF TUNIF MPTEMP CM
+CMSEL NSEL ESEL ALLSEL DOF EN ANTYPE MODOPT MODCONTROL QRDOPT IRLF NCNV NEQIT KUSE CRPLIM TIME
+OUTRES NSUBST
+"""
+_HARMLESS = {*_SILENT.split()}
 # Commands that a program writes with zeros where they do nothing.
 _IDLE = {"ACEL", "OMEGA", "DOMEGA", "CGOMEGA", "CGLOC", "DCGOMG", "ALPHAD", "BETAD", "DMPRAT",
          "DMPSTR"}  # fmt: skip
@@ -208,14 +207,14 @@ def _mesh(deck: _AnsysDeck) -> FileMesh:
         if not node.isdigit() or along is None or value.strip("0.+-Ee"):
             continue  # its reader says why
         if len(along) == 1 and int(node) in deck.angles:
-            found = component_along(_axes(*deck.angles[int(node)]), "XYZ".index(along))
+            found = component_along(_axes(deck.angles[int(node)]), "XYZ".index(along))
             if found is None:
                 lost.append((block, TURNED))
                 continue
             along = "XYZ"[found[0]]
         held += [(int(node), c.lower()) for c in along]
     sets = deck.nodesets | held_nodes("D", held)
-    mesh, *_ = numbered(deck.nodes, deck.solids, deck.elements, sets)
+    mesh = numbered(deck.nodes, deck.solids, {}, deck.elements, sets)
     mesh.elements, mesh.lost = deck.others, lost
     gone = {id(block) for block, _ in lost}
     mesh.blocks = [block for block in deck.blocks if id(block) not in gone]
@@ -226,14 +225,6 @@ def _mesh(deck: _AnsysDeck) -> FileMesh:
     return mesh
 
 
-def _axes(xy: float, yz: float, zx: float) -> NDArray[np.float64]:
+def _axes(angles: Sequence[float]) -> Array:
     """Axes of a node as rows: turned about z, then about the new x, then about the new y [deg]."""
-    axes = np.eye(3)
-    for about, angle in ((2, xy), (0, yz), (1, zx)):
-        c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
-        first, second = (about + 1) % 3, (about + 2) % 3
-        turn = np.eye(3)
-        turn[[first, second], [first, second]] = c
-        turn[first, second], turn[second, first] = s, -s
-        axes = turn @ axes
-    return axes
+    return np.asarray(Rotation.from_euler("ZXY", angles, degrees=True).as_matrix().T)

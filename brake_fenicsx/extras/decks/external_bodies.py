@@ -22,7 +22,7 @@ from brake_fenicsx.macro.projection import search
 from brake_fenicsx.meshing.brake_mesh import Mesh, extent
 from brake_fenicsx.scene import Scene
 
-from .superelement import Superelement, doubts, read_superelement
+from .superelement import Superelement, doubts, read_superelement, rigid_motions
 
 logger = logging.getLogger(__name__)
 
@@ -55,17 +55,14 @@ def with_superelements(scene: Scene, mesh: Mesh, elastic: Elastic) -> Elastic:
     for name, part in scene.parts.items():
         if part.matrices is None:
             continue
+        where = f"parts.{name}.matrices."
         try:
-            body = read_superelement(scene.file.parent, part.matrices)
-        except SceneError as error:
-            raise SceneError(f"{scene.file}: parts.{name}.matrices.{error}") from None
-        try:
+            body, where = read_superelement(scene.file.parent, part.matrices), ""
             tied, kept = _eliminated(scene, name, body, mesh, elastic.free)
         except SceneError as error:
-            raise SceneError(f"{scene.file}: {error}") from None
+            raise SceneError(f"{scene.file}: {where}{error}") from None
         bodies[name] = body, tied, kept
-        ones = np.where(body.rows[:, 0] >= 0, body.rows[:, 0], 0)
-        along = np.bincount(ones, body.rows[:, 0] >= 0, body.K.shape[0])
+        along = rigid_motions(body)[:, 0]
         weighed[name] = float(along @ body.M @ along), extent(body.points)
         logger.info(
             "body %s: %d coordinates, %d of them displacements of %d nodes, %d kept; mass %.4g kg",
@@ -90,19 +87,16 @@ def _added(
     scene: Scene, name: str, body: Superelement, T: sp.csr_matrix, elastic: Elastic
 ) -> Elastic:
     """Add one body, and what a scene adds to its sets of nodes."""
-    K, C = (T.T @ body.K @ T).tocsr(), elastic.C
     M = (T.T @ body.M @ T).tocsr()
-    if body.C is not None:
-        own = (T.T @ body.C @ T).tocsr()
-        C = own if C is None else C + own
-    sets = dict(elastic.sets)
-    stiffness, mass = elastic.K + K, elastic.M + M
+    stiffness, mass, sets = elastic.K + T.T @ body.K @ T, elastic.M + M, dict(elastic.sets)
+    damping = [elastic.C, None if body.C is None else T.T @ body.C @ T]
     for one, nodes in body.sets.items():
         face = f"{name}.{one}"
         rows = body.rows[nodes].reshape(-1)
-        for where in _uses(scene, face):
-            if np.any(rows < 0):
-                raise SceneError(f"{scene.file}: {where}: {_lacking(body, nodes)}")
+        uses = [f'springs."{n}"' for n, s in scene.springs.items() if face in (s.faces or (n,))]
+        uses += [f'{key}."{face}"' for key in ("masses", "loads") if face in getattr(scene, key)]
+        if uses and np.any(rows < 0):
+            raise SceneError(f"{scene.file}: {uses[0]}: {_lacking(body, nodes)}")
         J = sets[face] = T[np.maximum(rows, 0)]
         if face not in {*scene.springs, *scene.masses}:
             continue
@@ -115,23 +109,12 @@ def _added(
         each = sp.identity(nodes.size, format="csr") / nodes.size
         stiffness = stiffness + J.T @ sp.kron(each, added.stiffness) @ J
         mass = mass + added.mass * (J.T @ sp.kron(each, np.eye(3)) @ J)
-        if added.damping.any():
-            dashpots = J.T @ sp.kron(each, added.damping) @ J
-            C = dashpots if C is None else C + dashpots
+        damping.append(J.T @ sp.kron(each, added.damping) @ J if added.damping.any() else None)
+    C = sum(term for term in damping if term is not None)
     return replace(
-        elastic, K=stiffness.tocsr(), M=mass.tocsr(), C=None if C is None else C.tocsr(),
+        elastic, K=stiffness.tocsr(), M=mass.tocsr(), C=C.tocsr() if sp.issparse(C) else None,
         sets=sets, masses={**elastic.masses, name: M},
     )  # fmt: skip
-
-
-def _uses(scene: Scene, face: str) -> list[str]:
-    """Keys of the springs, masses and loads that act on a set of nodes."""
-    named = {
-        "springs": [name for name, s in scene.springs.items() if face in (s.faces or (name,))],
-        "masses": [name for name in scene.masses if name == face],
-        "loads": [name for name in scene.loads if name == face],
-    }
-    return [f'{table}."{name}"' for table, names in named.items() for name in names]
 
 
 def _lacking(
@@ -169,7 +152,7 @@ def _eliminated(
         the coordinates that are kept.
     """
     taken: dict[int, str] = {}
-    tied = sp.lil_matrix((body.K.shape[0], free.size))
+    tied = sp.csr_matrix((body.K.shape[0], free.size))
 
     def take(nodes: Index, components: list[int], where: str) -> None:
         rows = body.rows[nodes][:, components].reshape(-1)
@@ -211,12 +194,11 @@ def _eliminated(
                 f" {1e3 * distance[i]:.3g} mm from {other!r}, {1e3 * reach:.3g} mm are allowed;"
                 f' correct the units or the place, or write search = "{1.1e3 * distance[i]:.3g} mm"'
             )
-        for node, of, share in zip(nodes, columns, weights, strict=True):
-            for c in range(3):
-                there = of[:, c] >= 0
-                tied[body.rows[node, c], of[there, c]] = share[there]
-    kept = np.setdiff1d(np.arange(body.K.shape[0]), np.array([*taken], dtype=int))
-    return tied.tocsr(), kept
+        rows = np.broadcast_to(body.rows[nodes][:, None], columns.shape)
+        share = np.broadcast_to(weights[..., None], columns.shape)
+        there = columns >= 0
+        tied = tied + sp.csr_matrix((share[there], (rows[there], columns[there])), tied.shape)
+    return tied, np.setdiff1d(np.arange(body.K.shape[0]), np.array([*taken], dtype=int))
 
 
 def _feet(face: Face, x: Array) -> tuple[Index, Array, Array]:
@@ -238,8 +220,7 @@ def _places(body: Superelement, kept: Index, number: int) -> Array:
     """Place [m], direction (3: none) and number of the body of each coordinate, shape (kept, 5)."""
     out = np.empty((body.K.shape[0], 5))
     out[:] = [*body.points.mean(axis=0), 3, number]
-    for c in range(3):
-        there = body.rows[:, c] >= 0
-        out[body.rows[there, c], :3] = body.points[there]
-        out[body.rows[there, c], 3] = c
+    node, component = np.nonzero(body.rows >= 0)
+    rows = body.rows[node, component]
+    out[rows, :3], out[rows, 3] = body.points[node], component
     return out[kept]

@@ -7,15 +7,15 @@ It gives a point without a coordinate system the basic one although a GRDSET nam
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh, corners_of, numbered, same_length
+from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh, numbered
 
 # Shells may mark faces, or become solids.
 SHELL_NODES = {"CTRIA3": 3, "CTRIAR": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUADR": 4, "CQUAD8": 8}
@@ -45,43 +45,37 @@ def read_nastran(path: Path) -> FileMesh:
     Raises:
         SceneError: pyNastran is not installed, or the deck cannot be read.
     """
+    try:
+        import pyNastran.bdf.bdf  # noqa: F401
+    except ImportError:
+        raise SceneError(
+            f"{path.suffix} needs pyNastran: pip install pyNastran, or convert the mesh to .msh"
+        ) from None
     with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # what is wrong is raised too
-        model, cards = _cards(path)
-    solids: dict[int, tuple[str, list[int]]] = {}
-    skins: dict[str, list[list[int]]] = {}
-    cells, shells = dict[str, list[int]](), dict[str, list[list[int]]]()
+        model, blocks, first = _model(path)
+    solids, skins = dict[int, tuple[str, list[int]]](), dict[int, tuple[str, list[int]]]()
+    groups = defaultdict[str, list[int]](list)
     for number, own in model.elements.items():
         nodes = [int(n) for n in own.nodes if n]
-        if own.type in SHELL_NODES:
-            if len(nodes) != SHELL_NODES[own.type]:
-                raise SceneError(f"{own.type} {number} lacks middle nodes; write all of them")
-            skins.setdefault(own.type, []).append(nodes)
-            shells.setdefault(str(own.pid), []).append(nodes)
-            continue
         kind = _SOLIDS.get((own.type, len(nodes)))
-        if kind is None:
+        if SHELL_NODES.get(own.type) == len(nodes):
+            skins[number] = own.type, nodes
+        elif kind:
+            solids[number] = kind, [nodes[i] for i in _VTK] if kind == "hexahedron20" else nodes
+        else:
             raise SceneError(
                 f"{own.type} {number} has {len(nodes)} nodes; write all middle nodes, or none"
             )
-        solids[number] = kind, [nodes[i] for i in _VTK] if kind == "hexahedron20" else nodes
-        cells.setdefault(str(own.pid), []).append(number)
+        groups[str(own.pid)].append(number)
     points = {n: own.get_position().tolist() for n, own in model.nodes.items()}
-    counts = [SHELL_NODES[kind] for kind in skins]
-    mesh, _, node, _ = numbered(points, solids, cells, {}, counts)
-    for kind, rows in skins.items():
-        mesh.shells[kind] = np.array([[node[n] for n in row] for row in rows])
-    for name, rows in shells.items():
-        corners = (corners_of(np.array([[node[n] for n in row]]))[0] for row in rows)
-        mesh.facet_groups[name] = same_length([*map(list, corners)])
-        mesh.shell_sets[name] = True
+    mesh = numbered(points, solids, skins, groups, {})
     if "WTMASS" in model.params:
         mesh.mass_factor = float(model.params["WTMASS"].values[0])
-    mesh.blocks = [c for c in cards if c.keyword not in (*_ELEMENTS, *_POINTS)]
+    mesh.blocks = blocks
     held = [n for n, own in model.nodes.items() if {*"123"} & {*str(own.ps)}]
-    if held:
-        block = next(c for c in cards if c.keyword in ("GRDSET", "GRID"))
+    if held and first is not None:
         why = f"{len(held)} points are held by their GRID or GRDSET: write [supports]"
-        mesh.lost = [(block, why)]
+        mesh.lost = [(first, why)]
     return mesh
 
 
@@ -95,65 +89,70 @@ def card_of(block: DeckKeyword) -> Any:
     return model
 
 
-def _cards(path: Path) -> tuple[Any, list[DeckKeyword]]:
-    """A model with points and elements, and every card; a row is a line as it stands."""
-    try:
-        from pyNastran.bdf.bdf import BDF
-        from pyNastran.bdf.bdf_interface.pybdf import BDFInputPy
-        from pyNastran.bdf.bdf_interface.utils import to_fields
-    except ImportError:
-        raise SceneError(
-            f"{path.suffix} needs pyNastran: pip install pyNastran, or convert the mesh to .msh"
-        ) from None
+def _model(path: Path) -> tuple[Any, list[DeckKeyword], DeckKeyword | None]:
+    """A model with points and elements, every other card, and the first one of points."""
+    from pyNastran.bdf.bdf import BDF
+    from pyNastran.bdf.bdf_interface.utils import to_fields
+
     model = BDF(debug=None)
+    blocks, points, first = list[DeckKeyword](), dict[int, list[str]](), None
+    for name, lines, at in _cards(model, path):
+        block = DeckKeyword(name, {}, [[line] for line in lines], lines[0].strip(), at)
+        try:
+            fields = [word.strip() for word in to_fields(lines, name)]
+            parameter = fields[1].upper() if name == "PARAM" else ""
+            if name in (*_POINTS, *_ELEMENTS, *SHELL_NODES) or parameter == "WTMASS":
+                model.add_card_lines(lines, name)
+        except Exception as error:  # pyNastran raises nothing narrower
+            raise SceneError(f"{at}: {block.said}: {_short(error)}") from None
+        first = block if first is None and name in ("GRID", "GRDSET") else first
+        if name == "GRID":
+            points[int(fields[1])] = fields
+        elif name in SHELL_NODES:
+            shell = model.elements[int(fields[1])]
+            block.options = {"PID": str(shell.pid), "ZOFFS": str(shell.zoffset or 0.0)}
+        if name not in (*_POINTS, *_ELEMENTS) and parameter not in ("WTMASS", *_PARAMETERS):
+            blocks.append(block)
+    _refer(model, points)
+    return model, blocks, first
+
+
+def _refer(model: Any, points: Mapping[int, list[str]]) -> None:
+    """Give points their coordinate systems; number -> fields of GRID, of which some are blank."""
+    for number, fields in points.items() if model.grdset is not None else ():
+        own = model.nodes[number]
+        own.cp = own.cp if fields[2] else model.grdset.cp
+        own.ps = own.ps if fields[7] else model.grdset.ps
+    only = (
+        "elements nodes_with_elements properties masses materials loads constraints aero sets"
+        " optimization"
+    )
+    model.cross_reference(**{f"xref_{name}": False for name in only.split()})
+
+
+def _cards(model: Any, path: Path) -> Iterator[tuple[str, list[str], str]]:
+    """Name, lines and place of each card, those of included files in their place."""
+    from pyNastran.bdf.bdf_interface.pybdf import BDFInputPy
+
     source: Any = BDFInputPy(True, False, "latin1", log=model.log)
     # It would write pyNastran_crash.bdf into the working directory.
     source._dump_file = lambda *_: None
     try:
         lines, places = source.lines_to_deck_lines(source.get_main_lines(str(path)))
     except (OSError, RuntimeError) as error:
-        text = " ".join(str(error).split())[:120]
-        raise SceneError(f"an included file cannot be read: {text}") from None
+        raise SceneError(f"an included file cannot be read: {_short(error)}") from None
     begins = [i + 1 for i, line in enumerate(lines) if line.split()[:1] in (["BEGIN"], ["begin"])]
     if len(begins) > 1:
         raise SceneError("superelements are not read; write one deck without BEGIN SUPER")
     start = begins[0] if begins else 0
-    lines, places = lines[start:], places[start:]
-    cards, points = list[DeckKeyword](), dict[int, list[str]]()
-    listed, by_name, _ = model.get_bdf_cards(lines, places)
+    listed, by_name, _ = model.get_bdf_cards(lines[start:], places[start:])
     rest = [(name, *card) for name, own in by_name.items() for card in own]
     for name, _, own, (file, line) in [*listed, *rest]:
         if "=" in name:
             raise SceneError(f"card {name!r}: replicated cards are not read; write them out")
-        at = f"{Path(source.active_filenames[file]).name}:{line + 1}"
-        cards.append(DeckKeyword(name, {}, [[row] for row in own], own[0].strip(), at))
-        try:
-            fields = [word.strip() for word in to_fields(own, name)]
-            wanted = name in (*_POINTS, *_ELEMENTS, *SHELL_NODES)
-            if wanted or (name == "PARAM" and fields[1].upper() == "WTMASS"):
-                model.add_card_lines(own, name)
-        except Exception as error:  # pyNastran raises nothing narrower
-            text = " ".join(str(error).split())[:120]
-            raise SceneError(f"{at}: {own[0].strip()}: {text}") from None
-        if name == "GRID":
-            points[int(fields[1])] = fields
-        if name in SHELL_NODES:
-            shell = model.elements[int(fields[1])]
-            cards[-1].options = {"PID": str(shell.pid), "ZOFFS": str(shell.zoffset or 0.0)}
-        if name == "PARAM" and fields[1].upper() in ("WTMASS", *_PARAMETERS):
-            cards.pop()
-    if model.grdset is not None:
-        for number, fields in points.items():
-            own = model.nodes[number]
-            own.cp, own.ps = (
-                given if fields[place] else default
-                for place, given, default in (
-                    (2, own.cp, model.grdset.cp), (7, own.ps, model.grdset.ps),
-                )
-            )  # fmt: skip
-    only = dict.fromkeys(
-        ("elements", "nodes_with_elements", "properties", "masses", "materials", "loads",
-         "constraints", "aero", "sets", "optimization"), False,
-    )  # fmt: skip
-    model.cross_reference(**{f"xref_{name}": value for name, value in only.items()})
-    return model, cards
+        yield name, own, f"{Path(source.active_filenames[file]).name}:{line + 1}"
+
+
+def _short(error: Exception) -> str:
+    """The start of what pyNastran says, in one line."""
+    return " ".join(str(error).split())[:120]

@@ -5,7 +5,7 @@ The axes of *TRANSFORM of Abaqus and CalculiX, and of nodes of Ansys that are tu
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from .abaqus_keywords import doubts
 from .abaqus_scope import Scope
 
 Array = NDArray[np.float64]
+Frame = tuple[tuple[float, ...], ...]
 # An axis is x, y or z within this cosine.
 _ALONG = 1.0 - 1e-9
 TURNED = "along axes of its nodes that are not x, y and z"
@@ -47,61 +48,57 @@ def along_global(
     Returns:
         All blocks but *TRANSFORM, and what is left out, and why.
     """
-    kept, lost = list[DeckKeyword](), list[tuple[DeckKeyword, str]]()
-    frames = list[Array | None]()
-    frame_of: dict[int, int] = {}
+    kept, lost, frame_of = list[DeckKeyword](), list[tuple[DeckKeyword, str]](), dict[int, Frame]()
     for block in (b for b in blocks if b.keyword == "TRANSFORM"):
         try:
             nodes = whole.members(whole.nsets, [block.options["NSET"]], "")
-            why = doubts(block)[0]
-            lost += [(block, why)] if why else []
-            known = not (block.scope or why)
-            known &= block.options.get("TYPE", "R").upper() == "R"
-            frames.append(_frame(block.rows[0]) if known else None)
-            frame_of |= dict.fromkeys(nodes, len(frames) - 1)
+            if why := doubts(block)[0]:
+                lost.append((block, why))
+            plain = not (block.scope or why) and block.options.get("TYPE", "R").upper() == "R"
+            frame_of |= dict.fromkeys(nodes, _frame(block.rows[0]) if plain else ())
         except (ValueError, IndexError, KeyError):
             lost.append((block, "its nodes or axes are not understood"))
     for block in (b for b in blocks if b.keyword != "TRANSFORM"):
-        if not frame_of or block.keyword not in ("BOUNDARY", "CLOAD"):
-            kept.append(block)
-            continue
-        rows, held = [], dict[str, set[str]]()
-        for name, component, *_, value in block.rows:
-            if block.keyword == "BOUNDARY" and not float(value):
-                held.setdefault(name, set()).add(component)
-        for row in block.rows:
-            try:
-                if held.get(row[0], set()) >= {"1", "2", "3"}:
-                    rows.append(row)  # along whatever axes
-                else:
-                    rows.append(_global_row(whole, frames, frame_of, row))
-            except SceneError as error:
-                lost.append((block, f"{', '.join(row[:2])}: {error}"))
-        kept += [replace(block, rows=rows)] if rows else []
+        if frame_of and block.keyword in ("BOUNDARY", "CLOAD"):
+            block = replace(block, rows=[*_global_rows(whole, frame_of, block, lost)])
+            if not block.rows:
+                continue
+        kept.append(block)
     return kept, lost
 
 
-def _global_row(
-    whole: Scope, frames: Sequence[Array | None], frame_of: Mapping[int, int], row: list[str]
-) -> list[str]:
-    """A row with its global component."""
+def _global_rows(
+    whole: Scope, frame_of: Mapping[int, Frame], block: DeckKeyword,
+    lost: list[tuple[DeckKeyword, str]],
+) -> Iterator[list[str]]:  # fmt: skip
+    """Rows of a block with their global components; those that have none are lost."""
+    held = {(row[0], row[1]) for row in block.rows if not float(row[-1])}
+    for name, component, *rest in block.rows:
+        rotation, c = divmod(int(component) - 1, 3)
+        frame = _frame_of(whole, frame_of, name)
+        clamped = block.keyword == "BOUNDARY" and {(name, word) for word in "123"} <= held
+        if clamped or frame is None:  # along whatever axes
+            yield [name, component, *rest]
+        elif frame and (found := component_along(np.array(frame), c)):
+            word = str(found[0] + 1 + 3 * rotation)
+            last = [word] if len(rest) == 2 else []  # of *BOUNDARY, first and last component
+            yield [name, word, *last, repr(found[1] * float(rest[-1]))]
+        else:
+            lost.append((block, f"{name}, {component}: {TURNED}"))
+
+
+def _frame_of(whole: Scope, frame_of: Mapping[int, Frame], name: str) -> Frame | None:
+    """Axes of all nodes of a set, () where they differ or are not understood, None without any."""
     try:
-        used = {frame_of.get(n, -1) for n in whole.members(whole.nsets, row[:1], "")}
+        used = {frame_of.get(n) for n in whole.members(whole.nsets, [name], "")}
     except SceneError:
-        return row  # what is wrong with the set is said where it is used
-    if used <= {-1}:
-        return row
-    frame = frames[next(iter(used))] if len(used) == 1 else None
-    rotation, c = divmod(int(row[1]) - 1, 3)
-    found = None if frame is None else component_along(frame, c)
-    if found is None:
-        raise SceneError(TURNED)
-    component = str(found[0] + 1 + 3 * rotation)
-    value = repr(found[1] * float(row[-1]))
-    return [row[0], component, *([component] if len(row) == 4 else []), value]
+        return None  # what is wrong with the set is said where it is used
+    if used <= {None}:
+        return None
+    return used.pop() if len(used) == 1 else ()
 
 
-def _frame(row: Sequence[str]) -> Array:
+def _frame(row: Sequence[str]) -> Frame:
     """Axes as rows of *TRANSFORM, TYPE=R: a point on the first one, a point in the plane of two."""
     a, b = np.array([float(word) for word in row]).reshape(2, 3)
     z = np.cross(a, b)
@@ -109,4 +106,4 @@ def _frame(row: Sequence[str]) -> Array:
     length = np.linalg.norm(axes, axis=1)
     if not length.all():
         raise SceneError("two axes are parallel")
-    return np.asarray(axes / length[:, None])
+    return tuple(map(tuple, axes / length[:, None]))

@@ -10,25 +10,24 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
+from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.parts_section import Matrices
-from brake_fenicsx.scene.units import to_si
+from brake_fenicsx.scene.units import factor_to_si
 
 from .matrix_files import Label, read_matrix, read_row_labels
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-Result = TypeVar("Result")
 # A stiffness with eigenvalues further below zero than those of 100 Hz is not that of a body; what
 # round-off of a text file makes of the rigid motions lies above.
 BELOW = (2 * np.pi * 100.0) ** 2
@@ -97,39 +96,40 @@ def read_superelement(folder: Path, given: Matrices) -> Superelement:
         SceneError: the key below ``matrices``, its value and the remedy.
     """
     length, mass, time = _units(given)
-    labels, points, sets = _asked("nodes", given.nodes, partial(_nodes, folder / given.nodes))
-    order, first = None, None
-    if given.dofs is not None:
-        order = _asked("dofs", given.dofs, partial(read_row_labels, folder / given.dofs))
+
+    def asked(name: str, read: Callable[[Path], Any]) -> Any:
+        try:
+            return read(folder / getattr(given, name))
+        except SceneError as error:
+            raise SceneError(f"{name} = {getattr(given, name)!r}: {error}") from None
+
+    labels, points, sets = asked("nodes", _nodes)
+    order = None if given.dofs is None else asked("dofs", read_row_labels)
     matrices: dict[str, sp.csr_matrix] = {}
-    files = {"stiffness": given.stiffness, "mass": given.mass, "damping": given.damping}
-    for name, file in files.items():
-        if file is None:
-            continue
-        read = _asked(name, file, partial(read_matrix, folder / file))
-        row_labels, source = read.rows or order, f"{name} = {file!r}"
-        if row_labels is not None and len(row_labels) != read.A.shape[0]:
-            raise SceneError(f"{source}: {read.A.shape[0]} rows, but {len(row_labels)} in dofs")
-        matrices[name] = read.A
-        if name == "stiffness":
-            first = row_labels
-        elif (row_labels is None) != (first is None):
+    first: list[Label] | None = None
+    scales = {"stiffness": mass / time**2, "mass": mass, "damping": mass / time}
+    for name in (name for name in scales if getattr(given, name) is not None):
+        read = asked(name, read_matrix)
+        own, source = read.rows or order, f"{name} = {getattr(given, name)!r}"
+        A = scales[name] * read.A
+        first = own if name == "stiffness" else first
+        if own is not None and len(own) != A.shape[0]:
+            raise SceneError(f"{source}: {A.shape[0]} rows, but {len(own)} in dofs")
+        if (own is None) != (first is None):
             raise SceneError(f"{source}: rows without nodes, those of the stiffness have nodes")
-        elif row_labels is not None and first is not None and row_labels != first:
-            matrices[name] = _as_rows(read.A, row_labels, first, source)
-        elif read.A.shape != matrices["stiffness"].shape:
-            sizes = read.A.shape[0], matrices["stiffness"].shape[0]
-            raise SceneError(f"{source}: {sizes[0]} rows, but {sizes[1]} of the stiffness")
-    size = matrices["stiffness"].shape[0]
+        size = A.shape[0] if name == "stiffness" else matrices["stiffness"].shape[0]
+        if own is not None and first is not None and own != first:
+            A = _as_rows(A, own, first, source)
+        elif A.shape[0] != size:
+            raise SceneError(f"{source}: {A.shape[0]} rows, but {size} of the stiffness")
+        matrices[name] = A
     if first is not None and given.modal:
         raise SceneError(f"modal = {given.modal}: the files name the rows; leave it out")
-    rows = _rows(labels, first, size, given.modal)
+    rows = _rows(labels, first, matrices["stiffness"].shape[0], given.modal)
     named = {node for node, component in first or () if component <= 3}
-    scales = {"stiffness": mass / time**2, "mass": mass, "damping": mass / time}
-    scaled = {n: A * scales[n] for n, A in matrices.items()}
     body = Superelement(
-        scaled["stiffness"], scaled["mass"], scaled.get("damping"), length * points, rows, sets,
-        len(named - {*map(int, labels)}),
+        matrices["stiffness"], matrices["mass"], matrices.get("damping"), length * points, rows,
+        sets, len(named - {*map(int, labels)}),
     )  # fmt: skip
     _check_definite(body, given)
     return body
@@ -142,21 +142,8 @@ def _units(given: Matrices) -> list[float]:
             f"units = {list(given.units)!r}: write those of length, mass and time in which all"
             ' files are consistent, ["mm", "t", "s"] for N, mm and tonnes'
         )
-    factors = []
-    for unit, wanted in zip(given.units, ("m", "kg", "s"), strict=True):
-        try:
-            factors.append(to_si(f"1 {unit}", wanted))
-        except ValueError as error:
-            raise SceneError(f"units: {unit!r}: {error}") from None
-    return factors
-
-
-def _asked(name: str, file: str, read: Callable[[], Result]) -> Result:
-    """What a file holds; an error names its key."""
-    try:
-        return read()
-    except SceneError as error:
-        raise SceneError(f"{name} = {file!r}: {error}") from None
+    pairs = zip(given.units, ("m", "kg", "s"), strict=True)
+    return [factor_to_si(unit, wanted, f"units: {unit!r}") for unit, wanted in pairs]
 
 
 def _as_rows(
@@ -195,12 +182,8 @@ def _rows(labels: Index, first: list[Label] | None, size: int, modal: int) -> In
 
 def _nodes(path: Path) -> tuple[Index, Array, dict[str, Index]]:
     """Numbers, places and sets of a table of nodes: node, x, y, z and the names of its sets."""
-    try:
+    with reading(path, "as text", at=""):
         lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError:
-        raise SceneError("no such file; paths start at the scene's folder") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"cannot be read as text: {error}") from None
     numbers: list[int] = []
     places: list[list[float]] = []
     sets: dict[str, list[int]] = {}
@@ -267,7 +250,7 @@ def doubts(body: Superelement) -> list[str]:
             f"{lost} nodes of the table have no displacement in the matrices, and {body.unknown}"
             " nodes of the matrices are not in the table; compare their numbers"
         )
-    shifts = _shifts(body)
+    shifts, turns = np.split(rigid_motions(body), 2, axis=1)
     mass = float(np.einsum("ic,ic->", shifts, body.M @ shifts)) / 3
     box = np.ptp(body.points, axis=0)
     volume = float(box.prod())
@@ -278,7 +261,7 @@ def doubts(body: Superelement) -> list[str]:
             " the unit of the table of nodes"
         )
     whole = np.count_nonzero(body.rows >= 0) == body.K.shape[0]
-    if whole and _strain(body, shifts) < FREE and _strain(body, _turns(body)) > STRAINED:
+    if whole and _strain(body, shifts) < FREE and _strain(body, turns) > STRAINED:
         sentences.append(
             "it shifts freely, but turning strains it; correct the order of the table of nodes,"
             " which is that of the rows where the matrices name no nodes, or their coordinates"
@@ -286,22 +269,13 @@ def doubts(body: Superelement) -> list[str]:
     return sentences
 
 
-def _shifts(body: Superelement) -> Array:
-    """Displacement by one along x, y and z, shape (coordinates, 3)."""
-    out = np.zeros((body.K.shape[0], 3))
-    for c in range(3):
-        rows = body.rows[:, c]
-        out[rows[rows >= 0], c] = 1.0
-    return out
-
-
-def _turns(body: Superelement) -> Array:
-    """Rotation by one about the axes through the mean place, shape (coordinates, 3)."""
-    out = np.zeros((body.K.shape[0], 3))
-    from_centre = body.points - body.points.mean(axis=0)
-    for axis, unit in enumerate(np.eye(3)):
-        there = body.rows >= 0
-        out[body.rows[there], axis] = np.cross(unit, from_centre)[there]
+def rigid_motions(body: Superelement) -> Array:
+    """Shifts by one along x, y and z, turns by one about the mean place, (coordinates, 6)."""
+    x = body.points - body.points.mean(axis=0)
+    turns = np.cross(np.eye(3), x[:, None])  # node, axis, component
+    values = np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=1)
+    there, out = body.rows >= 0, np.zeros((body.K.shape[0], 6))
+    out[body.rows[there]] = values.swapaxes(1, 2)[there]
     return out
 
 

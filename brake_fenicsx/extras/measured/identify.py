@@ -20,9 +20,8 @@ from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import Scene, read_scene
 
 from .peaks import Peaks, read_peaks
-from .posterior import Posterior, fill_basis, identified
+from .posterior import Posterior, VariedBody, fill_basis, identified
 from .study import beside, part_name
-from .varied_body import VariedBody
 
 Array = NDArray[np.float64]
 # Modes are computed up to this multiple of the highest peak, and no more than so many.
@@ -162,8 +161,9 @@ def _say_misfit(peaks: Peaks, end: Posterior, error: float) -> None:
         logger.warning(
             "specimen %s: the model does not fit within the stated error of %.3g %%: the intervals"
             " are too narrow; check dimensions, density and layers, or state a larger --error",
-            peaks.specimen, 100 * error,
-        )  # fmt: skip
+            peaks.specimen,
+            100 * error,
+        )
 
 
 def _pooled(each: Sequence[Posterior]) -> tuple[Array, Array]:

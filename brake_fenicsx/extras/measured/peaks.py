@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.folder.log import logger
 
 from .measured import modes_of, read_sets
@@ -53,48 +54,52 @@ def read_peaks(path: str | Path) -> list[Peaks]:
         SceneError: file, line, value and remedy.
     """
     file = Path(path)
-    if file.suffix.lower() in SUFFIXES:
-        sets = read_sets(file, ())
-        kinds = {d["type"] for d in sets}
-        measured = RESPONSES in kinds and SHAPES not in kinds
-        s = _poles(file) if measured else np.array([mode.s for mode in modes_of(file, sets)])
-        ratio = np.where(s.real < 0, -s.real / np.abs(s), np.nan)
-        return [_checked(file, file.stem, np.column_stack([s.imag / (2 * np.pi), 0.5 / ratio]))]
-    try:
+    if file.suffix.lower() not in SUFFIXES:
+        return _table(file)
+    sets = read_sets(file, ())
+    kinds = {d["type"] for d in sets}
+    measured = RESPONSES in kinds and SHAPES not in kinds
+    s = _poles(file) if measured else np.array([mode.s for mode in modes_of(file, sets)])
+    ratio = np.where(s.real < 0, -s.real / np.abs(s), np.nan)
+    return [_checked(file, file.stem, np.column_stack([s.imag / (2 * np.pi), 0.5 / ratio]))]
+
+
+def _table(file: Path) -> list[Peaks]:
+    """Peaks of a table."""
+    with reading(file, "as a table"):
         text = file.read_text("utf-8-sig")
-    except FileNotFoundError:
-        raise SceneError(f"{file}: no such file; name the table of peaks") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"{file}: cannot be read as a table: {error}") from None
     lines = [line for line in text.splitlines() if line.strip() and line[0] != "#"]
     # With semicolons or tabs between the cells a comma is a decimal one.
     delimiter = next((c for c in ";\t" if lines and c in lines[0]), ",")
-    rows = csv.DictReader(lines, delimiter=delimiter)
-    table = [{str(k).strip(): v for k, v in row.items()} for row in rows]
-    heading = [name.strip() for name in rows.fieldnames or ()]
-    unit = [name for name in heading if name in UNITS]
-    unknown = {*heading} - {*UNITS, "q", "specimen"}
-    if len(unit) != 1 or unknown:
-        raise SceneError(
-            f"{file}: the heading is {','.join(heading)}; write one of {', '.join(UNITS)}, and q"
-            " and specimen if there are any"
-        )
+    heading, *rows = [
+        [c.strip() for c in row] for row in csv.reader(lines, delimiter=delimiter)
+    ] or [[]]
+    columns = _columns(file, heading)
     specimens: dict[str, list[tuple[float, float]]] = {}
-    for number, row in enumerate(table, start=1):
-        if len(row) > len(heading):
+    for number, cells in enumerate(rows, start=1):
+        if len(cells) > len(heading):
             raise SceneError(
                 f"{file}: peak {number}: more cells than the heading has; write decimals with a"
                 " point, not a comma"
             )
-        if delimiter != ",":
-            numbers = {name: (row.get(name) or "").replace(",", ".") for name in (unit[0], "q")}
-            row |= {name: word for name, word in numbers.items() if name in heading}
-        peak = UNITS[unit[0]] * _number(file, number, unit[0], row[unit[0]])
-        q = _number(file, number, "q", row["q"]) if (row.get("q") or "").strip() else np.nan
-        specimens.setdefault((row.get("specimen") or "1").strip(), []).append((peak, q))
+        row = dict(zip(heading, cells, strict=False))
+        words = (row.get(n, "").replace(",", "," if delimiter == "," else ".") for n in columns)
+        peak, q = (_number(file, number, *pair) for pair in zip(columns, words, strict=True))
+        specimens.setdefault(row.get("specimen") or "1", []).append((UNITS[columns[0]] * peak, q))
     if not specimens:
         raise SceneError(f"{file}: contains no peak; write one frequency in each line")
-    return [_checked(file, name, np.array(sorted(rows))) for name, rows in specimens.items()]
+    return [_checked(file, name, np.array(sorted(own))) for name, own in specimens.items()]
+
+
+def _columns(file: Path, heading: list[str]) -> tuple[str, str]:
+    """Columns of the frequency and of the quality factor."""
+    unit = [name for name in heading if name in UNITS]
+    if len(unit) != 1 or {*heading} - {*UNITS, "q", "specimen"}:
+        raise SceneError(
+            f"{file}: the heading is {','.join(heading)}; write one of {', '.join(UNITS)}, and q"
+            " and specimen if there are any"
+        )
+    return unit[0], "q"
 
 
 def _poles(file: Path) -> NDArray[np.complex128]:
@@ -141,9 +146,12 @@ def _poles(file: Path) -> NDArray[np.complex128]:
     return np.array(sorted(found, key=lambda s: s.imag))
 
 
-def _number(file: Path, number: int, name: str, cell: str | None) -> float:
+def _number(file: Path, number: int, name: str, cell: str) -> float:
+    """A positive number; nan of a quality factor that is not given."""
+    if name == "q" and not cell:
+        return np.nan
     try:
-        value = float(cell or "")
+        value = float(cell)
     except ValueError:
         value = np.nan
     if not (np.isfinite(value) and value > 0):

@@ -160,10 +160,11 @@ def correlate(
     )  # fmt: skip
     tested, computed = measured.frequency, modes.frequency
     rows = beside(
-        pairs.mode, (np.arange(1, tested.size + 1), tested, measured.damping),
+        pairs.mode,
+        (np.arange(1, tested.size + 1), tested, measured.damping),
         (np.arange(1, computed.size + 1), computed, pairs.combined),
         (computed / tested[:, None] - 1, pairs.mac),
-    )  # fmt: skip
+    )
     rows = [[*row[:5], *row[6:], row[5]] for row in rows]
     folder = Path(directory or Path.cwd() / f"{parsed.file.stem}-correlation")
     if write:
@@ -285,8 +286,9 @@ def _draw_mac(axis: Axes, measured: ModalTest, modes: PartModes, pairs: Pairs) -
     if count <= 24:
         for i, j in np.argwhere(pairs.mac >= 0.1):
             dark = "white" if pairs.mac[i, j] > 0.6 else "black"
-            axis.text(j, i, f"{pairs.mac[i, j]:.2f}", ha="center", va="center", color=dark,
-                      fontsize=6)  # fmt: skip
+            axis.text(
+                j, i, f"{pairs.mac[i, j]:.2f}", ha="center", va="center", color=dark, fontsize=6
+            )
     rows = np.flatnonzero(pairs.mode >= 0)
     for i, j in zip(rows, pairs.mode[rows], strict=True):
         axis.plot([j - 0.5, j + 0.5, j + 0.5, j - 0.5, j - 0.5],

@@ -9,16 +9,14 @@ for Modal Analysis Testing, https://www.ceas3.uc.edu/sdrluff/.
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.arrays import reading
+from brake_fenicsx.folder.arrays import Arrays, read_hdf5, reading
 from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.report.mode_fields import MOST
 from brake_fenicsx.results.run import RunData, read_run
@@ -48,7 +46,9 @@ def export_modes(directory: str | Path | RunData) -> Path:
     """
     pyuff = universal_files("export")
     run = read_run(directory)
-    stored = [(key, shape) for name in _approaches(run) for key, shape in _shapes(run, name)]
+    complete = run.modes is not None and run.samples is not None
+    there = [name for name in run.approaches if complete and _file(run, name).is_file()]
+    stored = [(key, shape) for name in there for key, shape in _shapes(run, name)]
     if not stored:
         raise SceneError(
             f"{run.directory}/fields: contains no mode shapes; a run stores those of its most"
@@ -73,41 +73,34 @@ def universal_files(command: str) -> Any:
     return pyuff
 
 
-def _approaches(run: RunData) -> list[str]:
-    """Approaches whose shapes are stored."""
-    if run.modes is None or run.samples is None:
-        return []
-    return [name for name in run.approaches if _file(run, name).is_file()]
-
-
 def _file(run: RunData, approach: str) -> Path:
     return run.directory / "fields" / f"modes_{approach}.vtkhdf"
 
 
-def _reading(path: Path) -> AbstractContextManager[None]:
-    return reading(path, "as an HDF5 file", "`run` of the scene makes it again")
+def _read(path: Path, *names: str) -> Arrays:
+    """Data sets of a file of fields."""
+    with reading(path, "as an HDF5 file", "`run` of the scene makes it again"):
+        return read_hdf5(path, [f"VTKHDF/{name}" for name in names])
 
 
 def _shapes(run: RunData, approach: str) -> list[tuple[ModeKey, NDArray[np.complex128]]]:
     """Stored modes of an approach, shapes at the points of the file, (points, 3)."""
-    found = []
-    with _reading(path := _file(run, approach)), h5py.File(path) as file:
-        fields = file["VTKHDF/PointData"]
-        for key in run.squeal.representatives(approach, MOST):
-            name = f"mode_{key.name}"
-            if f"{name}_re" in fields:
-                re, im = (fields[f"{name}_{part}"][:] for part in ("re", "im"))
-                found.append((key, re + 1j * im))
-    return found
+    keys = run.squeal.representatives(approach, MOST)
+    pairs = [[f"PointData/mode_{key.name}_{part}" for part in ("re", "im")] for key in keys]
+    held = _read(_file(run, approach), *(name for pair in pairs for name in pair))
+    found = [
+        (key, [held.get(f"VTKHDF/{n}") for n in pair])
+        for key, pair in zip(keys, pairs, strict=True)
+    ]
+    return [(key, re + 1j * im) for key, (re, im) in found if re is not None and im is not None]
 
 
 def _mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
     """Corners of the cells [m], cells over them, and the point of the file of each corner."""
-    with _reading(path), h5py.File(path) as file:
-        mesh = file["VTKHDF"]
-        cells = mesh["Connectivity"][:].reshape(len(mesh["Types"]), -1)
-        used, numbers = np.unique(cells[:, : ELEMENTS[cells.shape[1]][0]], return_inverse=True)
-        return mesh["Points"][used], numbers.reshape(len(cells), -1), used
+    points, cells, types = _read(path, "Points", "Connectivity", "Types").values()
+    cells = cells.reshape(len(types), -1)
+    used, numbers = np.unique(cells[:, : ELEMENTS[cells.shape[1]][0]], return_inverse=True)
+    return points[used], numbers.reshape(len(cells), -1), used
 
 
 def _header(run: RunData) -> dict[str, Any]:
@@ -138,9 +131,10 @@ def _mode(run: RunData, number: int, key: ModeKey, shape: NDArray[np.complex128]
     """A complex mode."""
     modes = run.modes or {}
     row = np.flatnonzero(
-        (modes["approach"] == key.approach) & (modes["sample"] == key.sample)
+        (modes["approach"] == key.approach)
+        & (modes["sample"] == key.sample)
         & (modes["mode"] == key.mode)
-    )[0]  # fmt: skip
+    )[0]
     s = complex(modes["real_1_s"][row], 2 * np.pi * key.frequency)
     return {
         "type": 55, "analysis_type": COMPLEX_EIGENVALUE, "model_type": 1,

@@ -267,9 +267,10 @@ def test_axes_of_nodes(axes, held, along, force, drafted):
     A quarter turn about z takes 1 to y and 2 to -x; 45 degrees leave the plane, but not all three.
     """
     scene, lost = drafted(
-        before=TURNED.format(axes), held=f"*BOUNDARY\nBOTTOM, 1, 3\n{held}\n",
+        before=TURNED.format(axes),
+        held=f"*BOUNDARY\nBOTTOM, 1, 3\n{held}\n",
         pressed=STEP.format("*CLOAD\nTOP, 1, 1.\nTOP, 2, 2.\n"),
-    )  # fmt: skip
+    )
     assert scene.supports.get("block.top") == along
     assert (scene.loads["block.top"].force if scene.loads else None) == (
         pytest.approx(force) if force else None
@@ -332,8 +333,9 @@ def test_structural_damping_acts(drafted):
 def test_a_surface_without_faces_is_the_boundary(drafted):
     """Free faces of 6 hexahedra of the plate: 6 + 6 + 10 of 22 on the boundary."""
     drafted(mesh=MESH + "*SURFACE, NAME=ALL\nPLATE,\n")
-    found = read_mesh_file(drafted(mesh=MESH + "*SURFACE, NAME=ALL\nPLATE,\n")[0].file.with_suffix(
-        ".inp"))  # fmt: skip
+    found = read_mesh_file(
+        drafted(mesh=MESH + "*SURFACE, NAME=ALL\nPLATE,\n")[0].file.with_suffix(".inp")
+    )
     assert len(found.facet_groups["ALL"]) == 22
 
 
@@ -343,7 +345,7 @@ def test_loads_by_numbers_in_steps(drafted):
         held="*BOUNDARY\n" + "".join(f"{n}, 1, 3\n" for n in range(101, 113)) + "TOP, 1, 2\n",
         pressed=STEP.format("*DLOAD\nBLOCK, P2, 0.5\n"),
         after=STEP.format("*DLOAD, OP=NEW\nBLOCK, P2, 0.3\n"),
-    )  # fmt: skip
+    )
     assert [load.pressure for load in scene.loads.values()] == [pytest.approx(0.3e6)]
     assert scene.supports["plate.boundary_xyz"] == ("x", "y", "z") and not lost
     _, lost = drafted(pressed=STEP.format("*DLOAD\nNOWHERE, P2, 0.5\n"))
@@ -450,8 +452,9 @@ def test_each_option_is_taken_or_has_its_line(keyword, drafted):
         if keyword == "ELEMENT":  # its options are those of the mesh
             continue
         _, lost = drafted(**{place: text.format(f", {option}")})
-        said = [line for line in lost if f"*{keyword}" in line or keyword in ("AMPLITUDE",
-                "TRANSFORM")]  # fmt: skip
+        said = [
+            line for line in lost if f"*{keyword}" in line or keyword in ("AMPLITUDE", "TRANSFORM")
+        ]
         assert said, (option, lost)
         assert all(re.search(r"\(brake.inp:\d+", line) for line in said)
 

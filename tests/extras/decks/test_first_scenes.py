@@ -135,8 +135,9 @@ def assembly(tmp_path, meshes):
     """A deck of two instances."""
     mesh, parts = meshes.boxes(), []
     for name, elset, material, orientation in (
-        ("Pad", "pad_body", "Lining-A", ", ORIENTATION=Ori"), ("Plate", "plate_body", "gg 20", ""),
-    ):  # fmt: skip
+        ("Pad", "pad_body", "Lining-A", ", ORIENTATION=Ori"),
+        ("Plate", "plate_body", "gg 20", ""),
+    ):
         own = mesh.part(name.lower())
         faces = {n: t for n, t in mesh.faces.items() if n.startswith(name.lower())}
         tags = np.isin(mesh.facet_tag, [*faces.values()])
@@ -193,9 +194,10 @@ def test_what_an_assembly_says(assembly):
     assert motion.rate == 6.0
     lines = assembly.read_text().splitlines()
     for word, section in (
-        ("*EQUATION", "ties"), ("*ELEMENT, TYPE=CONN3D2, ELSET=Joint", "parts"),
+        ("*EQUATION", "ties"),
+        ("*ELEMENT, TYPE=CONN3D2, ELSET=Joint", "parts"),
         ("*EXPANSION", "materials"),
-    ):  # fmt: skip
+    ):
         at = 1 + lines.index(word)
         own = text.partition(f"[{section}]\n")[2].partition("\n\n")[0]
         assert f"# not taken over: {word} (cae.inp:{at})" in own
@@ -249,11 +251,12 @@ def test_bodies_of_one_part_are_parts_of_their_own(tmp_path):
     """Two tetrahedra of an instance that share no node, each with a material."""
     nodes = ["0,0,0", "10,0,0", "0,10,0", "0,0,10", "50,0,0", "60,0,0", "50,10,0", "50,0,10"]
     (tmp_path / "two.inp").write_text(
-        "*PART, NAME=P\n*NODE\n" + "".join(f"{i},{x}\n" for i, x in enumerate(nodes, 1))
+        "*PART, NAME=P\n*NODE\n"
+        + "".join(f"{i},{x}\n" for i, x in enumerate(nodes, 1))
         + "*ELEMENT, TYPE=C3D4, ELSET=A\n1,1,2,3,4\n*ELEMENT, TYPE=C3D4, ELSET=B\n2,5,6,7,8\n"
         "*SOLID SECTION, ELSET=A, MATERIAL=M\n*SOLID SECTION, ELSET=B, MATERIAL=N\n*END PART\n"
         "*ASSEMBLY, NAME=Q\n*INSTANCE, NAME=P-1, PART=P\n*END INSTANCE\n*END ASSEMBLY\n"
-    )  # fmt: skip
+    )
     _, text = first_scene(tmp_path / "two.inp")
     assert '"P-1.A" = "p_1.body"' in text and '"P-1.B" = "p_1_2.body"' in text
     assert 'p_1 = { material = "M" }' in text and 'p_1_2 = { material = "N" }' in text

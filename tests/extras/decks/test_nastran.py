@@ -16,8 +16,9 @@ R, ANGLE, Z = (96.0, 118.0, 140.0), (60.0, 80.0, 100.0, 120.0), (0.0, 10.0)
 POLAR = np.array([(r, a, z) for z in Z for a in ANGLE for r in R])
 _R, _A, _Z = POLAR.T
 CARTESIAN = np.column_stack([_R * np.cos(np.radians(_A)), _R * np.sin(np.radians(_A)), _Z])
-CELLS = [[o + i + 3 * j + d for o in (0, 12) for d in (0, 1, 4, 3)]
-         for j in range(3) for i in range(2)]  # fmt: skip
+CELLS = [
+    [o + i + 3 * j + d for o in (0, 12) for d in (0, 1, 4, 3)] for j in range(3) for i in range(2)
+]
 MATERIAL = "PSOLID,1,7\nMAT1,7,125000.,,.24,7.2-9\n"
 CORD2C = "CORD2C,5,0,0.,0.,0.,0.,0.,1.,\n,1.,0.,0.\n"
 SHIFTED = "CORD2R,5,0,0.,0.,50.,0.,0.,51.,\n,1.,0.,50.\n"
@@ -183,8 +184,9 @@ def archive(types="ET,1,185\nET,2,173", form="(3i9,6e21.13e3)", more=ISOTROPIC, 
     ]
     rows += [[1, 2, 1, 1, 0, 0, 0, 0, 4, 0, 90 + k, 1, 2, 5, 4] for k in range(4)]
     text = "".join("".join(f"{v:9d}" for v in row) + "\n" for row in rows)
-    return ARCHIVE.format(types=types, count=24, form=form, nodes=nodes, cells=10, rows=text,
-                          more=more)  # fmt: skip
+    return ARCHIVE.format(
+        types=types, count=24, form=form, nodes=nodes, cells=10, rows=text, more=more
+    )
 
 
 BLOCK = "ETBLOCK,        2,        2\n(2i9,19a9)\n        1      185" + "        0" * 19

@@ -163,8 +163,8 @@ def without_shim(mesh):
     """
     shim = mesh.cell_tag == mesh.layers["pad.shim"]
     plate = mesh.cell_tag == mesh.layers["pad.plate"]
-    on_plate = facet_keys(cell_facets(mesh, plate)).reshape(-1)
-    facets = cell_facets(mesh, shim)
+    on_plate = facet_keys(cell_facets(mesh)[plate]).reshape(-1)
+    facets = cell_facets(mesh)[shim]
     keys = facet_keys(facets)
     low = np.isin(keys, on_plate)
     assert (low.sum(axis=1) == 1).all()  # one element through the thickness
@@ -227,8 +227,9 @@ def pair(meshes, tmp_path):
             f"*ELEMENT, TYPE={kind}, ELSET=PISTON\n{rows(numbered[:pressed])}"
             f"*ELEMENT, TYPE={kind}, ELSET=REST\n{rows(numbered[pressed:])}"
             "*ELSET, ELSET=pad_shim\nPISTON, REST\n*SURFACE, NAME=BACK\nPISTON, SPOS\n"
-            + SECTION.format("pad_shim", "SNEG", 1.0) + "*DSLOAD\nBACK, P, 0.5\n"
-        )  # fmt: skip
+            + SECTION.format("pad_shim", "SNEG", 1.0)
+            + "*DSLOAD\nBACK, P, 0.5\n"
+        )
         _, path, lines = made(tmp_path, text["shells"] + more, "shells")
         assert 'shim = "STEEL"' in lines and "not taken over:" not in lines, lines
         return deck.with_suffix(".toml"), path
@@ -302,41 +303,33 @@ SOLIDS = (
 )
 TOP = [[9, 10, 11, 12]]
 SHIM = SECTION.format("SHIM", "{}", 1.0)
-BENT = [
-    (0, 0, 0),
-    (10, 0, 0),
-    (10, 10, 0),
-    (0, 10, 0),
-    (5, 0, 5),
-    (5, 10, 5),
-    (20, 0, 0),
-    (20, 10, 0),
-]
+BENT = [(x, y, 0) for x, y, _ in POINTS[:4]]
+BENT += [(x, y, z) for x, z in ((5, 5), (20, 0)) for y in (0, 10)]
+ONE = deck_of(POINTS[:4], ("S4", "SHIM", [[1, 2, 3, 4]]))
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (deck_of(POINTS[:4], ("S4", "SHIM", [[1, 2, 3, 4]])), "has no \\*SHELL SECTION"),
+        (ONE, "has no \\*SHELL SECTION"),
         (
-            deck_of(POINTS[:4], ("S4", "SHIM", [[1, 2, 3, 4]])) + SECTION.format("SHIM", 0, 0.0),
+            ONE + SECTION.format("SHIM", 0, 0.0),
             r"deck.inp:14: \*SHELL SECTION, .*: no thickness above 0; write one for each layer",
         ),
         (
-            deck_of(POINTS[:4], ("S4", "SHIM", [[1, 2, 3, 4]])) + SECTION.format("SHIM", 0, "nan"),
+            ONE + SECTION.format("SHIM", 0, "nan"),
             "no thickness above 0",
         ),
         (
-            deck_of(POINTS[:4], ("S4", "SHIM", [[1, 2, 3, 4]])) + SHIM.format("DIST"),
+            ONE + SHIM.format("DIST"),
             "OFFSET=DIST: its lines are not understood",
         ),
         (
-            deck_of(POINTS[:4], ("S4", "SHIM", [[1, 2, 3, 4]]))
-            + "*SHELL SECTION, ELSET=SHIM, MATERIAL=STEEL, NODAL THICKNESS\n",
+            ONE + "*SHELL SECTION, ELSET=SHIM, MATERIAL=STEEL, NODAL THICKNESS\n",
             "no thickness above 0",
         ),
         (
-            deck_of(POINTS[:4], ("S4", "SHIM", [[1, 2, 3, 4]])) + SECTION.format("OTHER", 0, 1.0),
+            ONE + SECTION.format("OTHER", 0, 1.0),
             "no shell of 3, 4, 6 or 8 nodes is in this set",
         ),
         (  # a branch: three shells at the edge from node 2 to node 3
@@ -363,7 +356,8 @@ BENT = [
         ),
         (
             deck_of(BENT, ("S4", "SHIM", [[1, 2, 3, 4]]), ("S4", "OTHER", [[2, 7, 8, 3]]))
-            + SHIM.format(0) + SECTION.format("OTHER", 0, 2.0),
+            + SHIM.format(0)
+            + SECTION.format("OTHER", 0, 2.0),
             "near .* it meets .*ELSET=.*, of another thickness or offset; give both the same",
         ),
         (
@@ -382,11 +376,12 @@ BENT = [
         ),
         (  # stands on an edge of the solid
             deck_of([*POINTS, (10, 0, 30), (10, 10, 30)], ("S4", "SHIM", [[10, 13, 14, 11]]))
-            + SOLIDS + SHIM.format("0"),
+            + SOLIDS
+            + SHIM.format("0"),
             "shells share nodes, but no whole face, with solids; tie them",
         ),
     ],
-)  # fmt: skip
+)
 def test_what_is_no_layer_is_refused(text, said, tmp_path):
     """In one line that names section, place and remedy; nothing is written."""
     with pytest.raises(SceneError, match=said) as refused:
@@ -528,8 +523,9 @@ def test_shells_of_nastran(tmp_path):
     assert "PSOLID,9,7,0,0   THREE (shim.bdf:14): its lines" in (tmp_path / "odd.toml").read_text()
     card = f"{'CQUAD4':8}{''.join(f'{n:8d}' for n in (2, 5, 2, 7, 8, 3))}      0.   7.5-1\n"
     for first, again, low in (
-        ("1,5,1,2,3,4,,.75", card, 0.0), ("1,5,1,2,3,4,30.,", "CQUAD4,2,5,2,7,8,3,30.\n", -0.75),
-    ):  # fmt: skip
+        ("1,5,1,2,3,4,,.75", card, 0.0),
+        ("1,5,1,2,3,4,30.,", "CQUAD4,2,5,2,7,8,3,30.\n", -0.75),
+    ):
         shells = "CQUAD4,1,5,1,2,3,4\nCQUAD4,2,5,2,7,8,3\n"
         deck.write_text(text.format(plain).replace(shells, f"CQUAD4,{first}\n{again}"))
         for old in (scene, tmp_path / "shim_solid.inp"):

@@ -172,8 +172,9 @@ def test_disc(tmp_path):
     the rim and nothing else than z elsewhere."""
     scene = read_scene(BRAKE, ["parts.disc.size='14 mm'", "mesh.order=2", "mesh.cells=hexahedra"])
     points, angle = disc_points(), np.radians(17.0)
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0],
-                     [0, 0, 1.0]])  # fmt: skip
+    turn = np.array(
+        [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]]
+    )
     modes = part_modes(scene, "disc", points, 2800.0)
     assert modes.rigid == 6
     values, distance, _ = shapes_at(modes, points @ turn)
@@ -216,7 +217,7 @@ def test_local_coordinate_systems(tmp_path):
         1: np.broadcast_to(turned[:3], (5, 3, 3)),
         2: np.broadcast_to(np.array([[0, 1.0, 0], [0, 0, 1], [1, 0, 0]]), (5, 3, 3)),
         3: np.stack([radial, around, np.broadcast_to([1.0, 0, 0], (5, 3))], axis=1),
-    }  # fmt: skip
+    }
     # Dataset 15 has positions in the definition system.
     cylinder = np.column_stack([np.hypot(y, z) * 1e3, np.degrees(angle), points[:, 0] * 1e3])
     for system, rows in axes.items():

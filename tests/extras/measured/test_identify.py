@@ -13,12 +13,12 @@ from brake_fenicsx.extras.measured.peaks import read_peaks
 from brake_fenicsx.extras.measured.posterior import (
     NARROW,
     UNHEARD,
+    VariedBody,
     assigned,
     fill_basis,
     identified,
     misfit,
 )
-from brake_fenicsx.extras.measured.varied_body import VariedBody
 from brake_fenicsx.scene import read_scene
 from run_tables import read_rows
 
@@ -162,45 +162,38 @@ def test_a_material_of_no_layer_of_the_mesh_is_refused():
         VariedBody(scene, "pad", "rubber", 10e3, False)
 
 
+def write_functions(path, kind, functions):
+    """A universal file of functions of a type, each its abscissae and values."""
+    pyuff = pytest.importorskip("pyuff")
+    for point, (x, data) in enumerate(functions, 1):
+        pyuff.UFF(str(path)).write_sets(
+            pyuff.prepare_58(
+                binary=0, func_type=kind, rsp_node=point, rsp_dir=3, ref_node=1, ref_dir=3,
+                data=data, x=x, id1="", rsp_ent_name="NONE", ref_ent_name="NONE",
+                abscissa_spacing=1, abscissa_spec_data_type=18, ordinate_spec_data_type=12,
+                orddenom_spec_data_type=13,
+            ), mode="add",
+        )  # fmt: skip
+
+
 def test_resonances_of_frequency_responses(tmp_path):
     """Eight accelerances (dataset 58) with 0.1 % noise: five modes, two of them 2 % apart."""
     pytest.importorskip("sdypy.EMA")
-    pyuff = pytest.importorskip("pyuff")
     rng = np.random.default_rng(0)
     f0 = np.array([1210.0, 1955.0, 1995.0, 3101.0, 4407.0])
     zeta = np.array([2e-3, 1e-3, 8e-4, 1e-3, 5e-3])
     f = np.arange(0, 5200.0)
     omega, own = 2 * np.pi * f, 2 * np.pi * f0[:, None]
     modes = -(omega**2) / (own**2 - omega**2 + 2j * zeta[:, None] * own * omega)
-    file = pyuff.UFF(str(tmp_path / "test.uff"))
-    for point in range(8):
+    responses = []
+    for _ in range(8):
         H = rng.normal(size=5) @ modes
         noise = rng.normal(size=(2, f.size)) * 1e-3 * np.abs(H).max()
-        file.write_sets(
-            pyuff.prepare_58(
-                binary=0, func_type=4, rsp_node=point + 1, rsp_dir=3, ref_node=1, ref_dir=3,
-                data=H + noise[0] + 1j * noise[1], x=f, id1="", rsp_ent_name="NONE",
-                ref_ent_name="NONE", abscissa_spacing=1, abscissa_spec_data_type=18,
-                ordinate_spec_data_type=12, orddenom_spec_data_type=13,
-            ), mode="add",
-        )  # fmt: skip
+        responses.append((f, H + noise[0] + 1j * noise[1]))
+    write_functions(tmp_path / "test.uff", 4, responses)
     (peaks,) = read_peaks(tmp_path / "test.uff")
     np.testing.assert_allclose(peaks.frequency, f0, rtol=5e-4)
     np.testing.assert_allclose(peaks.q, 0.5 / zeta, rtol=0.1)
-
-
-def write_functions(path, kind, axes):
-    """A universal file of one function of a type for each axis."""
-    file = pytest.importorskip("pyuff").UFF(str(path))
-    for x in axes:
-        file.write_sets(
-            pytest.importorskip("pyuff").prepare_58(
-                binary=0, func_type=kind, rsp_node=1, rsp_dir=3, ref_node=1, ref_dir=3,
-                data=np.ones(x.size), x=x, id1="", rsp_ent_name="NONE", ref_ent_name="NONE",
-                abscissa_spacing=1, abscissa_spec_data_type=18, ordinate_spec_data_type=12,
-                orddenom_spec_data_type=13,
-            ), mode="add",
-        )  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -213,7 +206,9 @@ def write_functions(path, kind, axes):
 def test_functions_that_are_no_responses_are_one_line(kind, counts, said, tmp_path, monkeypatch):
     """Histories of time, and responses of two frequency axes; refused before the library reads."""
     monkeypatch.setattr("brake_fenicsx.extras.measured.peaks.import_module", lambda name: None)
-    write_functions(tmp_path / "test.uff", kind, [np.arange(n, dtype=float) for n in counts])
+    write_functions(
+        tmp_path / "test.uff", kind, [(np.arange(float(n)), np.ones(n)) for n in counts]
+    )
     with pytest.raises(SceneError, match=said):
         read_peaks(tmp_path / "test.uff")
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.extras.measured.measured import read_modes
-from brake_fenicsx.extras.measured.mode_sets import read_mode_sets
+from brake_fenicsx.extras.measured.measured import read_mode_sets, read_modes
 from brake_fenicsx.extras.measured.peaks import read_peaks
 
 pytest.importorskip("pyuff")

@@ -9,7 +9,7 @@ from typing import Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus import held_along
-from brake_fenicsx.extras.decks.abaqus_keywords import HARMLESS, KNOWN, doubts
+from brake_fenicsx.extras.decks.abaqus_keywords import HARMLESS, doubts
 from brake_fenicsx.extras.decks.nastran import HARMLESS as NASTRAN_HARMLESS
 from brake_fenicsx.extras.decks.nastran import SHELL_NODES
 from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh
@@ -38,8 +38,9 @@ def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
             deck.add("supports", name, along=value)
         elif sign == "*DLOAD" and float(value) > 0:
             deck.add("loads", name, pressure=Quantity(float(value), "Pa"))
-    readers = _READERS.get(suffix, _READERS[""])
-    for block in mesh.blocks:
+    readers = _READERS.get(suffix, NASTRAN)
+    harmless = HARMLESS if suffix == ".inp" else NASTRAN_HARMLESS
+    for block in sorted(mesh.blocks, key=lambda block: block.keyword not in _FIRST):
         if block.keyword in SHELLS and not (solid or of_solids(mesh, block)):
             kinds = ", ".join(f"{len(own)} {kind}" for kind, own in mesh.shells.items())
             raise SceneError(
@@ -47,31 +48,35 @@ def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
                 " scene; add --shells solid, which makes layers of solids of them, or remove this"
                 " line if they only mark a face"
             )
-    for block in sorted(mesh.blocks, key=lambda block: block.keyword not in _FIRST):
-        if block.keyword in (HARMLESS if suffix == ".inp" else NASTRAN_HARMLESS):
+        if block.keyword in harmless:
             continue
-        said: str | None = "" if block.keyword not in readers else None
-        if suffix == ".inp" and block.keyword in KNOWN:
-            said, aside = doubts(block)
-            deck.unread += [(block, text) for text in aside]
-        try:
-            if said is None:
-                said = readers[block.keyword](deck, block)
-            else:
-                for key in _REPLACED.get(block.keyword, ()):
-                    deck.laws[deck.about.upper()].pop(key, None)
-        except SceneError:
-            raise
-        except (ValueError, IndexError, KeyError, SyntaxError):
-            said = "its lines are not understood"
-            if block.keyword in SHELLS:
-                raise SceneError(f"{block.at}: {block.said}: {said}") from None
-        except ImportError as error:
-            said = f"needs {error.name}: pip install {error.name}"
+        reader = readers.get(block.keyword)
+        said = "" if reader is None else _read(deck, block, reader, suffix == ".inp")
         if said is not None:
             deck.unread.append((block, said))
     _glue(deck)
     return deck
+
+
+def _read(deck: Deck, block: DeckKeyword, reader: Reader, abaqus: bool) -> str | None:
+    """Read a keyword: why it is not taken over, or None."""
+    why, aside = doubts(block) if abaqus else (None, [])
+    deck.unread += [(block, text) for text in aside]
+    if why is not None:
+        for key in _REPLACED.get(block.keyword, ()):
+            deck.laws[deck.about.upper()].pop(key, None)
+        return why
+    try:
+        return reader(deck, block)
+    except SceneError:
+        raise
+    except ImportError as error:
+        return f"needs {error.name}: pip install {error.name}"
+    except (ValueError, IndexError, KeyError, SyntaxError):
+        why = "its lines are not understood"
+        if block.keyword in SHELLS:
+            raise SceneError(f"{block.at}: {block.said}: {why}") from None
+        return why
 
 
 def _begin(deck: Deck, block: DeckKeyword) -> None:
@@ -300,5 +305,4 @@ _READERS: dict[str, dict[str, Reader]] = {
         "CLOAD": _force, "MOTION": _motion, "ELEMENT": _element, "SPRING": _spring, "MASS": _mass,
     },
     ".cdb": {**ANSYS, "D": _node_held},
-    "": NASTRAN,
 }  # fmt: skip

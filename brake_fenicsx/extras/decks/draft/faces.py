@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, field
-from itertools import combinations, takewhile
+from itertools import chain, combinations, count, takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import find
 from brake_fenicsx.meshing.filemesh import FileMesh
 from brake_fenicsx.meshing.groups import layers_of
-from brake_fenicsx.meshing.rawmesh import RawMesh, cell_facets, facet_keys
+from brake_fenicsx.meshing.rawmesh import RawMesh, boundary, facet_keys
 from brake_fenicsx.scene.keys import dotted
 
 Array = NDArray[np.float64]
@@ -37,15 +37,20 @@ TOUCHING = 0.3
 
 
 class BoundaryFacets(NamedTuple):
-    """Facets of a part's boundary: their keys, area vectors outwards [m^2] and centres [m]."""
+    """Facets of a part's boundary: corner nodes, area vectors outwards [m^2] and centres [m]."""
 
-    keys: NDArray[np.uint64]
+    corners: Ints
     vector: Array
     centre: Array
 
+    @property
+    def keys(self) -> NDArray[np.uint64]:
+        """Number of each facet."""
+        return facet_keys(self.corners)
+
     def where(self, which: NDArray[np.bool_]) -> BoundaryFacets:
         """Some of the facets."""
-        return BoundaryFacets(self.keys[which], self.vector[which], self.centre[which])
+        return BoundaryFacets(self.corners[which], self.vector[which], self.centre[which])
 
     @property
     def areas(self) -> Array:
@@ -114,26 +119,24 @@ class FileParts:
         return self._of[group]
 
     def _named(self, group: str) -> tuple[list[str], str]:
-        surface, nodes = (find(t, group) for t in (self.found.facet_groups, self.found.node_groups))
-        name = surface or nodes
-        if name is None:
-            return [], "no surface or set of nodes"
-        own = self._on_parts(name, surface is not None)
-        if not own:
-            return [], "no facet of a boundary"
-        if any(len(face.keys) == len(self.boundary[part].keys) for part, face in own.items()):
-            return [], "the whole boundary of a part"
+        tables = {"facets": self.found.facet_groups, "nodes": self.found.node_groups}
+        known = ((kind, find(table, group)) for kind, table in tables.items())
+        kind, name = next(((kind, name) for kind, name in known if name), ("", ""))
+        own = self._on_parts(kind, name) if kind else {}
+        whole = any(len(f.corners) == len(self.boundary[p].corners) for p, f in own.items())
+        if not own or whole:
+            return [], (
+                "no surface or set of nodes" if not kind
+                else "the whole boundary of a part" if whole else "no facet of a boundary"
+            )  # fmt: skip
         names: dict[str, BoundaryFacets] = {}
         for part, face in own.items():
-            same = [n for n, f in self.faces.items() if np.array_equal(f.keys, face.keys)]
-            twice = [n for n, f in self.faces.items() if np.isin(f.keys, face.keys).any()]
+            same, twice = self._known(face)
             if twice and not same:
-                return [], f"{face.text()}; shares facets with {twice[0]}"
+                return [], f"{face.text()}; shares facets with {twice}"
             stem = clean(name).removeprefix(f"{part}_") or "face"
-            tries = [f"{part}.{stem}{k or ''}" for k in (0, *range(2, 99))]
-            names[same[0] if same else next(n for n in tries if n not in self.faces)] = face
+            names[same or _free(f"{part}.{stem}", self.faces, "")] = face
         if not names.keys() <= self.faces.keys():
-            kind = "facets" if surface else "nodes"
             sure = find(self.found.cell_groups, name) is None
             key = dotted(name if sure else f"{kind}:{name}")
             value = json.dumps(next(iter(names)) if len(names) == 1 else [*names])
@@ -142,21 +145,22 @@ class FileParts:
             self.faces |= names
         return [*names], ""
 
-    def _on_parts(self, name: str, surface: bool) -> dict[str, BoundaryFacets]:
+    def _known(self, face: BoundaryFacets) -> tuple[str, str]:
+        """Names of a face with these facets, and of one with some of them; "" without any."""
+        shares = {n: np.isin(f.keys, face.keys) for n, f in self.faces.items()}
+        same = (n for n, on in shares.items() if on.all() and on.size == len(face.corners))
+        return next(same, ""), next((n for n, on in shares.items() if on.any()), "")
+
+    def _on_parts(self, kind: str, name: str) -> dict[str, BoundaryFacets]:
         """Facets of a surface, or with all corners in a set of nodes, on the boundaries."""
-        table = cell_facets(self.mesh)
-        if surface:
-            facets = self.found.facet_groups[name]
-            if facets.shape[1] != table.shape[2]:
-                return {}
-        else:
-            corners = np.isin(np.arange(len(self.found.points)), self.found.node_groups[name])
-            facets = table[corners[table].all(axis=2)]
-        wanted = facet_keys(facets)
-        own = {p: face.where(np.isin(face.keys, wanted)) for p, face in self.boundary.items()}
-        own = {part: face for part, face in own.items() if len(face.keys)}
-        inside = sum(len(face.keys) for face in own.values())
-        return {} if surface and inside < np.unique(wanted).size else own
+        wanted = self.found.facet_groups[name] if kind == "facets" else np.zeros((0, 3), int)
+        if kind == "facets" and wanted.shape[1] != 3 + (self.mesh.shape == "hexahedron"):
+            return {}
+        every = self.boundary.items()
+        own = {p: face.where(self.found.inside(kind, name, face.corners)) for p, face in every}
+        own = {part: face for part, face in own.items() if len(face.corners)}
+        lost = sum(len(face.corners) for face in own.values()) < np.unique(facet_keys(wanted)).size
+        return {} if lost else own
 
     def parts_with(self, nodes: Ints) -> set[str]:
         """Parts that have some of the nodes."""
@@ -174,6 +178,12 @@ class FileParts:
         """Share of a face that lies on another one, of the smaller face."""
         one, other = self.faces[first], self.faces[second]
         return max(one.lies_on(other), other.lies_on(one))
+
+
+def _free(name: str, taken: Container[str], sign: str) -> str:
+    """A name, with the first number that makes it one that is not taken."""
+    tries = chain([name], (f"{name}{sign}{k}" for k in count(2)))
+    return next(one for one in tries if one not in taken)
 
 
 def bodies_of(found: FileMesh, sections: Iterable[str], metres: float) -> FileParts:
@@ -226,8 +236,7 @@ def _layer_names(found: FileMesh, groups: list[str]) -> dict[str, str]:
         owner = mine[0].rpartition(".")[0]
         part = re.sub(r"(?<=.)_(body|solid)$", "", part)
         part = clean(owner) if owner in found.instances else part
-        parts = {target.partition(".")[0] for target in names.values()}
-        part = next(n for n in (part, *(f"{part}_{k}" for k in range(2, 99))) if n not in parts)
+        part = _free(part, {target.partition(".")[0] for target in names.values()}, "_")
         layers = [name.removeprefix(f"{part}_") for name in own] if len(own) > 1 else ["body"]
         names |= {g: f"{part}.{layer}" for g, layer in zip(mine, layers, strict=True)}
     return {group: names[group] for group in groups}
@@ -235,14 +244,10 @@ def _layer_names(found: FileMesh, groups: list[str]) -> dict[str, str]:
 
 def _boundary(mesh: RawMesh, part: str) -> BoundaryFacets:
     """Boundary facets of a part."""
-    table = cell_facets(mesh, mesh.part(part))
-    facets = table.reshape(-1, table.shape[2])
-    keys = facet_keys(facets)
-    _, first, count = np.unique(keys, return_index=True, return_counts=True)
-    own = np.sort(first[count == 1])
-    x = mesh.points[facets[own]]
+    facets, cells = boundary(mesh, part)
+    x = mesh.points[facets]
     # Half the product of the diagonals of a quadrilateral, of two sides of a triangle.
     vector = 0.5 * np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
-    inside = mesh.points[mesh.corners[mesh.part(part)][own // table.shape[1]]].mean(axis=1)
-    outwards = np.einsum("ij,ij->i", vector, x.mean(axis=1) - inside)
-    return BoundaryFacets(keys[own], vector * np.sign(outwards)[:, None], x.mean(axis=1))
+    away = x.mean(axis=1) - mesh.points[mesh.corners[cells]].mean(axis=1)
+    outwards = np.sign(np.einsum("ij,ij->i", vector, away))
+    return BoundaryFacets(facets, vector * outwards[:, None], x.mean(axis=1))

@@ -96,7 +96,7 @@ def shell_surface(found: FileMesh, sections: Sequence[ShellSection]) -> ShellSur
     table, section = list[Ints](), list[int]()
     parts, start = defaultdict[int, list[int]](list), dict[int, tuple[int, int]]()
     for rows in found.shells.values():
-        corner = corners_of(rows)
+        corner = np.array([*map(corners_of, rows)])
         n, every = corner.shape[1], listed(facet_keys(corner))
         own = [j for j, key in enumerate(every) if key in owner and key not in start]
         keys, rows = [every[j] for j in own], rows[own]

@@ -23,10 +23,8 @@ from brake_fenicsx.scene.units import several
 from .deck import read_deck
 from .faces import MADE, bodies_of, clean
 from .motion import moving_part, proposed_motion
-from .shells import solid_shells
-from .statements import Deck, Quantity
-from .units import guessed_units, moduli, si, toml
-from .written import write_abaqus
+from .shells import solid_shells, write_abaqus
+from .statements import Deck, Quantity, guessed_units, moduli, si, toml
 
 # Section in whose place a keyword is named, by its start, of short ones whole; [ties] for others.
 _PLACES = {
@@ -165,35 +163,38 @@ class Draft:
         """The tables of a section, on faces of the scene."""
         placed: dict[str, Any] = {}
         for name, keys in self.deck.tables[section].items():
-            groups = keys.get("faces", [name])
-            each = []
-            for group in groups:
-                faces, why = self.bodies.faces_of(group)
-                each.append(faces)
-                if why:
-                    self._lost(section, f"{json.dumps(group)}: {why}")
-            pairs = [[*pair] for pair in product(*each)]
-            if len(pairs) > 1 and len(groups) > 1:
-                pairs = [pair for pair in pairs if self.bodies.overlap(*pair)]
-                if not pairs:
-                    self._lost(section, f"{name}: its faces do not lie on each other")
-            elif len(pairs) > 1 and not {"along", "pressure"} & {*keys}:
-                self._lost(section, f"{name}: of {', '.join(each[0])} together")
-                continue
-            for k, pair in enumerate(pairs):
-                if len(groups) > 1:
-                    placed[f"{clean(name)}{k + 1 if k else ''}"] = keys | {"faces": pair}
+            for k, faces in enumerate(self._faces(section, name, keys)):
+                if len(faces) > 1:
+                    placed[f"{clean(name)}{k + 1 if k else ''}"] = keys | {"faces": faces}
                 elif section == "supports":
-                    before = placed.get(pair[0], "")
+                    before = placed.get(faces[0], "")
                     before = "xyz" if before == "clamped" else before
                     held = sorted({*before, *keys["along"]} & {*"xyz"})
-                    placed[pair[0]] = "clamped" if len(held) == 3 else held
-                elif section == "loads" and (before := placed.get(pair[0])):
+                    placed[faces[0]] = "clamped" if len(held) == 3 else held
+                elif section == "loads" and (before := placed.get(faces[0])):
                     both = " and ".join({**before, **keys})
-                    self._lost(section, f"{name}: {both} twice on {pair[0]}: write their sum")
+                    self._lost(section, f"{name}: {both} twice on {faces[0]}: write their sum")
                 else:
-                    placed[pair[0]] = placed.get(pair[0], {}) | keys
+                    placed[faces[0]] = placed.get(faces[0], {}) | keys
         return placed
+
+    def _faces(self, section: str, name: str, keys: dict[str, Any]) -> list[list[str]]:
+        """Faces, or pairs of them, of the scene that a table is on."""
+        groups, each = keys.get("faces", [name]), []
+        for group in groups:
+            faces, why = self.bodies.faces_of(group)
+            each.append(faces)
+            if why:
+                self._lost(section, f"{json.dumps(group)}: {why}")
+        pairs = [[*pair] for pair in product(*each)]
+        if len(pairs) > 1 and len(groups) > 1:
+            pairs = [pair for pair in pairs if self.bodies.overlap(*pair)]
+            if not pairs:
+                self._lost(section, f"{name}: its faces do not lie on each other")
+        elif len(pairs) > 1 and not {"along", "pressure"} & {*keys}:
+            self._lost(section, f"{name}: of {', '.join(each[0])} together")
+            return []
+        return pairs
 
     def _parts(self) -> None:
         """Parts and materials; a material that the file does not have is a comment."""
@@ -218,26 +219,12 @@ class Draft:
 
     def _contact(self, own: dict[str, Any], tied: set[str]) -> None:
         """Contact with the moving part second, and what follows from it."""
-        proposed = dict[str, Any]()
-        if not own or self.deck.general:
-            known = [{*keys["faces"]} for keys in own.values()]
-            for pair in self.deck.apart:
-                first, second = (self.bodies.faces_of(name)[0] for name in pair)
-                known += [{a, b} for a in first for b in second]
-                self.lines["contact"].append(f"# out of contact: {', '.join(pair)}")
-            free = [pair for pair in self.bodies.touching() if not tied & {*pair}]
-            proposed = {"_".join(p): {"faces": [*p]} for p in free if {*p} not in known}
+        proposed = self._proposed(own, tied) if not own or self.deck.general else {}
         touching = sorted({f for keys in (own | proposed).values() for f in keys["faces"]})
         if not touching:
             return
-        materials = self.deck.tables["materials"]
-        own_tables = {p: [materials.get(m, {}) for m in v.values()] for p, v in self.parts.items()}
-        stiff = {part: max([0.0, *moduli(tables)]) for part, tables in own_tables.items()}
-        moving, motion, count = moving_part(self.bodies, touching, stiff), None, Counter[str]()
-        if self.deck.motion:
-            name, motion = self.deck.motion
-            parts = self.bodies.parts_with(self.deck.nodes(name)) & {*map(_part, touching)}
-            moving = parts.pop() if len(parts) == 1 else moving
+        moving, motion = self._moving(touching)
+        count = Counter[str]()
         for key, keys in (own | proposed).items():
             faces = sorted(keys["faces"], key=lambda face: _part(face) == moving)
             both = "_".join(map(_part, faces))
@@ -246,14 +233,37 @@ class Draft:
             law = self.deck.laws.get((keys.get("interaction") or self.deck.interaction).upper(), {})
             slides = _part(faces[1]) == moving and "slip" not in law
             guess = _SLIDES if slides else _STUCK
-            given = {name: law.get(name, value) for name, value in guess.items()}
             words = ["the faces touch; glued ones are [ties]"] if key in proposed else []
             words += [name for name in guess if name not in law]
             comment = f"proposed: {', '.join(words)}" if words else ""
-            self._write("contact", {f"{both}{number}": {"faces": faces, **given}}, comment)
+            table = {"faces": faces} | {name: law.get(name, value) for name, value in guess.items()}
+            self._write("contact", {f"{both}{number}": table}, comment)
         said = proposed_motion(self.bodies, moving, touching)
         self._write("motion", *((motion, "") if motion else said))
         self._stability()
+
+    def _proposed(self, own: dict[str, Any], tied: set[str]) -> dict[str, Any]:
+        """Contact of faces that lie on each other, but for those of the deck, its ties and gaps."""
+        known = [{*keys["faces"]} for keys in own.values()]
+        for pair in self.deck.apart:
+            known += [{*faces} for faces in product(*(self.bodies.faces_of(n)[0] for n in pair))]
+            self.lines["contact"].append(f"# out of contact: {', '.join(pair)}")
+        free = (pair for pair in self.bodies.touching() if not tied & {*pair})
+        return {"_".join(pair): {"faces": [*pair]} for pair in free if {*pair} not in known}
+
+    def _moving(self, touching: list[str]) -> tuple[str, dict[str, Any] | None]:
+        """The part that moves, and how the deck says that it does."""
+        if self.deck.motion:
+            name, motion = self.deck.motion
+            parts = self.bodies.parts_with(self.deck.nodes(name)) & {*map(_part, touching)}
+            if len(parts) == 1:
+                return parts.pop(), motion
+        else:
+            motion = None
+        materials = self.deck.tables["materials"]
+        own = {p: [materials.get(m, {}) for m in v.values()] for p, v in self.parts.items()}
+        stiff = {part: max([0.0, *moduli(tables)]) for part, tables in own.items()}
+        return moving_part(self.bodies, touching, stiff), motion
 
     def _stability(self) -> None:
         """The band that the file asks modes of, and loss factors if a material has one."""
@@ -275,9 +285,10 @@ class Draft:
         for (word, why), (first, *more) in same.items():
             said = f"{first.said} ({first.at}{f' and {len(more)} more' if more else ''})"
             places = (
-                p for p, starts in _PLACES.items()
+                p
+                for p, starts in _PLACES.items()
                 if word in starts or word.startswith(tuple(s for s in starts if len(s) > 2))
-            )  # fmt: skip
+            )
             place = next(places, "ties")
             self._lost(place, f"{said}{why and ': ' + why}")
 
