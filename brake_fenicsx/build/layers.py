@@ -6,8 +6,7 @@ from contextlib import ExitStack
 
 import scipy.sparse as sp
 
-from brake_fenicsx.macro.elasticity import affine_parts
-from brake_fenicsx.macro.layer_mass import layer_masses
+from brake_fenicsx.macro.elasticity import affine_parts, layer_masses
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.scene.approaches import turning_parts

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.contact_elements import Contact
-from brake_fenicsx.macro.layer_mass import layer_masses
+from brake_fenicsx.macro.elasticity import layer_masses
 from brake_fenicsx.macro.sliding_friction import SlidingFriction
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
