@@ -231,7 +231,7 @@ def test_friction_beyond_tipping_from_an_equilibrium_nearby():
     for mu in (0.81, 0.83):
         force = block.w * equilibrium(block, laws, mu, start=near.g).p
         assert force @ block.points[:, 0] / force.sum() == pytest.approx(-20e-3 * mu, rel=1e-9)
-    for mu in (0.85, 0.9, 0.93, 0.95, 1.0, 1.03, 1.07, 1.1, 1.15, 1.2, 1.3):
+    for mu in (0.85, 0.93, 1.0, 1.07, 1.15, 1.3):
         with pytest.raises(NotConverged):
             equilibrium(block, laws, mu, start=near.g)
 
