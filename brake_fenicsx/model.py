@@ -261,6 +261,12 @@ def prepare(
 
     Raises:
         SceneError: the scene is wrong, or has no stage equilibrium.
+
+    Example:
+        >>> band = ["stability.band=['0 Hz', '6 kHz']"]
+        >>> model = prepare("scripts/scenes/block_on_plate.toml", band)
+        >>> model.scene.samples.approaches, round(1e6 * float(model.study.brake.w.sum()))  # [mm^2]
+        (('multi-scale',), 800)
     """
     comm = MPI.COMM_SELF if comm is None else comm
     parsed = read_scene(scene, overrides)
@@ -361,6 +367,13 @@ def sample(model: Model, inputs: Mapping[str, float | str] | None = None) -> Mod
     Raises:
         SceneError: no such key.
         NotConverged: no equilibrium.
+
+    Example:
+        >>> band = ["stability.band=['0 Hz', '6 kHz']"]
+        >>> model = prepare("scripts/scenes/block_on_plate.toml", band)
+        >>> modes = sample(model, {"contact.block_plate.friction": 0.3})
+        >>> f"{modes.frequency[0] / 1e3:.1f} kHz, {sum(modes.damping < 0)} unstable"
+        '1.9 kHz, 0 unstable'
     """
     of_kind("model", model, Model, "what `prepare` returns")
     return model.modes(inputs)
@@ -376,6 +389,12 @@ def sweep(
         key: dotted key of the scalar, as in ``[sweep.parameters]``.
         values: SI or with their unit, rising or falling, shape (values,).
         **chosen: ``approach``, ``sample`` and ``tolerance`` of ``Model.sweep``.
+
+    Example:
+        >>> scene, key = "scripts/scenes/block_on_plate.toml", "contact.block_plate.friction"
+        >>> found = sweep(prepare(scene, ["stability.band=['0 Hz', '6 kHz']"]), key, [0.0, 0.3])
+        >>> found.frequency.shape[1], found.values
+        (2, array([0. , 0.3]))
     """
     if not isinstance(scene, Model):
         x = listed("values", values, _unit(read_scene(scene), key))

@@ -63,6 +63,11 @@ def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         ``K`` [N/m] and ``M`` [kg], the matrices of the bodies; ``N``, ``T``, ``R``, the gap and the
         slips along and across the sliding direction of every contact element; ``w`` [m^2], their
         areas; ``f`` [N], the loads; ``points`` [m], ``mesh``.
+
+    Example:
+        >>> brake = assemble("scripts/scenes/block_on_plate.toml", MPI.COMM_SELF)
+        >>> round(1e6 * float(brake.w.sum()))  # [mm^2]: the block's face is 40 mm x 20 mm
+        800
     """
     from brake_fenicsx.build.brake import assemble_brake
 
@@ -100,6 +105,16 @@ def run(
     Raises:
         SceneError: the scene is wrong; nothing was written.
         BrakeError: a stage failed, or every sample.
+
+    Example:
+        >>> with TemporaryDirectory() as folder:
+        ...     facts = run(
+        ...         "scripts/scenes/block_on_plate.toml", MPI.COMM_SELF, folder,
+        ...         ["stages=['equilibrium']"], pictures=False,
+        ...     ).facts
+        >>> forces = facts["contact_forces"]["multi-scale"]["block_plate"]
+        >>> round(forces["normal_N"]), round(forces["friction_N"])  # 5 bar on 800 mm^2; mu = 0.5
+        (400, 200)
     """
     parsed = read_scene(scene, overrides)
     if not parsed.stages:

@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 
 from brake_fenicsx import prepare
-from brake_fenicsx.extras.limit_cycle.sample import Settings
 
 ROOT = Path(__file__).parents[1]
 sys.path.append(str(ROOT / "tests"))
@@ -38,8 +37,8 @@ def prepared(ratio, k=0, changes=()):
 
 
 def followed(study, sample, eq, modes, mode, harmonics, points):
-    cycles = study.cycles.sample(sample, eq)
-    problem = cycles.problem(Settings(harmonics, points, 20e-6))
+    cycles = study.beside["limit cycles"].sample(sample, eq)
+    problem = cycles.problem(harmonics, points)
     return cycles.branch(problem, modes.s[mode], modes.right[:, mode], 20e-6)
 
 

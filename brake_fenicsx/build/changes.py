@@ -29,8 +29,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.elasticity import affine_parts, face_mass
-from brake_fenicsx.macro.layer_mass import layer_masses
+from brake_fenicsx.macro.elasticity import affine_parts, face_mass, layer_masses
 from brake_fenicsx.macro.material import rotate_about_z
 from brake_fenicsx.macro.matrix_series import Power
 from brake_fenicsx.macro.sliding_friction import Rotation

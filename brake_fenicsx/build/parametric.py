@@ -17,8 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.contact_elements import Contact
-from brake_fenicsx.macro.elasticity import affine_parts
-from brake_fenicsx.macro.layer_mass import layer_masses
+from brake_fenicsx.macro.elasticity import affine_parts, layer_masses
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.sliding_friction import Rotation, SlidingFriction
 from brake_fenicsx.scene import Scene

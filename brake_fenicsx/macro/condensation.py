@@ -115,19 +115,14 @@ def interface_compliance(
     n = N.shape[0]
     both = sp.vstack([N, T]).tocsr()
     columns = N.T.tocsc()
-    share = shared_columns(n, comm)
+    ends = np.rint(n * np.arange(comm.size + 1) / comm.size).astype(int)
+    share = np.arange(ends[comm.rank], ends[comm.rank + 1])
     out = np.empty((both.shape[0], share.size))
     for b in blocks(share.size):
         out[:, b] = both @ factor.solve(columns[:, share[b]])
     whole = np.hstack(comm.allgather(out))
     NN, TN = whole[:n], whole[n:]
     return 0.5 * (NN + NN.T), np.ascontiguousarray(TN.T)
-
-
-def shared_columns(n: int, comm: MPI.Comm) -> NDArray[np.intp]:
-    """This process's columns of n."""
-    ends = np.rint(n * np.arange(comm.size + 1) / comm.size).astype(int)
-    return np.arange(ends[comm.rank], ends[comm.rank + 1])
 
 
 def compliance(

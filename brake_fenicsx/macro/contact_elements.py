@@ -29,9 +29,9 @@ from brake_fenicsx.meshing.brake_mesh import Mesh
 
 from .elasticity import FreeDofs
 from .faces import gather_face
-from .integrals import Integrals, facet_integrals
-from .node_to_surface import node_integrals
-from .sliding_friction import Motion, slip_frame, tangent_frame
+from .integrals import Integrals, facet_integrals, node_integrals
+from .projection import directions_across
+from .sliding_friction import Motion, slip_frame
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -136,7 +136,7 @@ def _elements(parts: Integrals, dofs: int, motion: Motion | None) -> Contact:
     """Gap and slip operators."""
     n = parts.normal / np.linalg.norm(parts.normal, axis=1)[:, None]
     if motion is None:
-        s, r = tangent_frame(n)
+        s, r = np.moveaxis(directions_across(n), 1, 0)
         speed: Array = np.zeros(len(n))
     else:
         s, r, speed = slip_frame(motion, parts.points, n)

@@ -263,13 +263,42 @@ def face_mass(mesh: Mesh, free: FreeDofs, face: str, lumped: bool = False) -> sp
     return _mass(fem_petsc.assemble_matrix(fem.form(mass_form(u, v, m, ds))), free, lumped)
 
 
+def layer_masses(
+    mesh: Mesh, free: FreeDofs, density: Mapping[str, float], lumped: bool = False
+) -> dict[str, sp.csr_matrix]:
+    """Mass matrices of single layers: what the kinetic energy of a mode is shared out by.
+
+    Args:
+        mesh: the tagged mesh.
+        free: numbering of the free dofs.
+        density: layer -> density [kg/m^3].
+        lumped: whether each row is summed on the diagonal.
+
+    Returns:
+        Layer -> mass [kg] on the free dofs of all parts; they add up to the mass.
+    """
+    u, v = ufl.TrialFunction(free.V), ufl.TestFunction(free.V)
+    masses = {}
+    for layer, value in density.items():
+        rho = fem.Constant(mesh.domain, PETSc.ScalarType(value))
+        form = fem.form(mass_form(u, v, rho, layer_measure(mesh, layer)))
+        masses[layer] = _mass(fem_petsc.assemble_matrix(form), free, lumped)
+    return masses
+
+
 def _mass(M: PETSc.Mat, free: FreeDofs, lumped: bool) -> sp.csr_matrix:
     """A mass on the free dofs, each row summed on its diagonal if wanted."""
     M.assemble()
     if lumped:
-        lump(M)
+        rows = M.createVecLeft()
+        M.getRowSum(rows)
+        M.zeroEntries()
+        # The mass of one layer has no places for the dofs of others.
+        M.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        M.setDiagonal(rows)
+        rows.destroy()
     found = on_free_dofs(M, free)
-    # The components of a displacement share no mass.
+    # The components of a displacement share no mass, and PETSc keeps places for all layers.
     found.eliminate_zeros()
     return found
 
@@ -289,17 +318,6 @@ def on_free_dofs(A: PETSc.Mat, free: FreeDofs) -> sp.csr_matrix:
     part.destroy()
     found.resize(free.size, free.size)
     return found
-
-
-def lump(M: PETSc.Mat) -> None:
-    """Replace a mass by the sums of its rows on the diagonal."""
-    rows = M.createVecLeft()
-    M.getRowSum(rows)
-    M.zeroEntries()
-    # The mass of one layer has no places for the dofs of others.
-    M.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-    M.setDiagonal(rows)
-    rows.destroy()
 
 
 def affine_parts(

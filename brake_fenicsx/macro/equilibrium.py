@@ -23,7 +23,7 @@ from brake_fenicsx.iteration import Steps, sizes
 from .condensation import Compliance
 from .gap import EnrichedGap
 from .newton import Newton, State
-from .patch_forces import patch_forces, sliding
+from .sliding_friction import patch_forces, sliding
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

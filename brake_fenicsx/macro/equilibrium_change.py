@@ -24,7 +24,7 @@ from brake_fenicsx.errors import NotConverged
 from .condensation import Compliance
 from .equilibrium import Condensed, Equilibrium, displacement, equilibrium
 from .gap import EnrichedGap
-from .patch_forces import patch_forces, sliding
+from .sliding_friction import patch_forces, sliding
 
 Array = NDArray[np.float64]
 

@@ -88,11 +88,7 @@ def transversely_isotropic(C11: float, C12: float, C13: float, C33: float, C44: 
     Returns:
         Stiffness [Pa], shape (6, 6).
     """
-    C = np.zeros((6, 6))
-    C[:3, :3] = [[C11, C12, C13], [C12, C11, C13], [C13, C13, C33]]
-    C[3, 3] = C[4, 4] = C44
-    C[5, 5] = 0.5 * (C11 - C12)
-    return C
+    return orthotropic_stiffness(C11, C11, C33, C12, C13, C13, C44, C44, 0.5 * (C11 - C12))
 
 
 def orthotropic_stiffness(
@@ -136,10 +132,7 @@ def orthotropic(E: Array, nu: Array, G: Array) -> Array:
     E, nu, G = np.asarray(E, float), np.asarray(nu, float), np.asarray(G, float)
     if np.any(E <= 0) or np.any(G <= 0):
         raise SceneError(f"moduli E = {E}, G = {G} must be positive")
-    S = np.diag(np.concatenate([1 / E, 1 / G]))
-    S[0, 1] = S[1, 0] = -nu[0] / E[0]
-    S[0, 2] = S[2, 0] = -nu[1] / E[0]
-    S[1, 2] = S[2, 1] = -nu[2] / E[1]
+    S = orthotropic_stiffness(*1 / E, *-nu / E[[0, 0, 1]], *1 / G)
     lowest = np.linalg.eigvalsh(S[:3, :3])[0]
     if not lowest > 0:
         raise SceneError(

@@ -15,7 +15,7 @@ EDGE = 1e-8
 
 
 def directions_across(n: Array) -> Array:
-    """Two unit vectors perpendicular to each n, shape (..., 3) to (..., 2, 3)."""
+    """Unit vectors s and n x s perpendicular to each n, shape (..., 3) to (..., 2, 3)."""
     axis = np.eye(3)[np.argmin(np.abs(n), axis=-1)]
     first = np.cross(n, axis)
     first /= np.linalg.norm(first, axis=-1)[..., None]

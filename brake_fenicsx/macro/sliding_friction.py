@@ -1,9 +1,15 @@
-"""Sliding: direction of the disc's velocity relative to the pad, and Coulomb friction.
+"""Sliding: the motion of the disc past the pad, Coulomb friction, and the forces of a patch.
 
 Friction has one encoding inside: ``SlidingFriction``, for each contact element the coefficient mu
-at its sliding speed V and the slope mu'(V). With the pressure p and the contact stiffness k
-everything else follows from it (``patch_forces``): the traction mu p of the equilibrium, mu k of
-its tangent, and of small vibrations p mu'(V) along and mu p / V across the sliding direction.
+at its sliding speed V and the slope mu'(V). An element of area w under the pressure p has the
+forces
+
+    w p (1, t, r)
+
+along its normal, along and across the sliding direction; t and r are the traction over the
+pressure, t = mu and r = 0 in the equilibrium. Their tangent is -w k (1, t, r) to the gap, k =
+-dp/dg, and w p d(1, t, r)/dv to the slip rates v; small vibrations have p mu'(V) along and mu p / V
+across the sliding direction. Equilibrium, small vibrations and limit cycles take them from here.
 """
 
 from __future__ import annotations
@@ -100,22 +106,6 @@ def slip_frame(motion: Motion, points: Array, normal: Array) -> tuple[Array, Arr
     return s, np.cross(normal, s), speed
 
 
-def tangent_frame(normal: Array) -> tuple[Array, Array]:
-    """Two directions along a face where no motion gives one.
-
-    Args:
-        normal: unit normals, shape (n, 3).
-
-    Returns:
-        s, an axis of x, y, z far from the normal, less its part along it, and r = normal x s, both
-        of shape (n, 3).
-    """
-    axis = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
-    s = axis - np.einsum("ij,ij->i", axis, normal)[:, None] * normal
-    s = s / np.linalg.norm(s, axis=1)[:, None]
-    return s, np.cross(normal, s)
-
-
 @dataclass(frozen=True, slots=True)
 class SlidingFriction:
     """Friction of the contact elements, each of shape (elements,).
@@ -176,3 +166,44 @@ class SlidingFriction:
         mixed = dm * along * across
         slopes = [[-(m + dm * along**2), mixed], [mixed, -(m + dm * across**2)]]
         return np.array([m * along, -m * across]), np.array(slopes)
+
+
+@dataclass(frozen=True, slots=True)
+class PatchForces:
+    """Forces of some contact elements along n, s and r, and their tangent.
+
+    Attributes:
+        value: [N], shape (3, elements, ...).
+        gap: derivatives to the gaps [N/m], likewise.
+        rate: derivatives to the slip rates along and across [N s/m], shape (3, 2, elements, ...).
+    """
+
+    value: Array
+    gap: Array
+    rate: Array
+
+
+def patch_forces(
+    w: Array, p: Array, k: Array, traction: Array, slopes: Array | None = None
+) -> PatchForces:
+    """Forces of contact elements.
+
+    Args:
+        w: areas [m^2], shape (elements,).
+        p: pressures [Pa], shape (elements, ...).
+        k: stiffnesses -dp/dg [Pa/m], likewise.
+        traction: t and r, shape (2, elements, ...).
+        slopes: their derivatives to the slip rates [s/m], shape (2, 2, elements, ...); none if
+            None.
+    """
+    w = w.reshape(-1, *[1] * (p.ndim - 1))
+    direction = np.stack([np.ones_like(p), *np.broadcast_to(traction, (2, *p.shape))])
+    rate = np.zeros((3, 2, *p.shape))
+    if slopes is not None:
+        rate[1:] = w * p * slopes
+    return PatchForces(w * p * direction, -w * k * direction, rate)
+
+
+def sliding(mu: float | Array, p: Array) -> Array:
+    """Traction over the pressure of elements that slide steadily, t = mu and r = 0."""
+    return np.stack([np.broadcast_to(mu, p.shape), np.zeros_like(p)])

@@ -62,12 +62,23 @@ class ExponentialLaw:
 
 
 def linear_law(k: float) -> LinearLaw:
-    """Linear penalty p = k <-d> with k [Pa/m]."""
+    """Linear penalty p = k <-d> with k [Pa/m].
+
+    Example:
+        >>> float(linear_law(1e12).pressure(-2e-6))  # 2 um of overlap
+        2000000.0
+    """
     positive(k=k)
     return LinearLaw(float(k))
 
 
 def exponential_law(p0: float, u0: float) -> ExponentialLaw:
-    """Exponential law p = p0 exp(-d / u0) with p0 [Pa] and u0 [m]."""
+    """Exponential law p = p0 exp(-d / u0) with p0 [Pa] and u0 [m].
+
+    Example:
+        >>> law = exponential_law(1e6, 1e-6)
+        >>> round(float(law.pressure(1e-6)))  # p0 / e
+        367879
+    """
     positive(p0=p0, u0=u0)
     return ExponentialLaw(float(p0), float(u0))

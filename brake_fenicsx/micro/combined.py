@@ -142,12 +142,25 @@ class JoinedLaws:
 
 
 def scaled_laws(laws: Laws, factor: float) -> Laws:
-    """The library for a modulus ``factor`` times its own; itself where nothing changes."""
+    """The library for a modulus ``factor`` times its own; itself where nothing changes.
+
+    Example:
+        >>> steps = LawSteps(np.array([1e-6, 0.0]), np.array([1e5, 4e5]), np.array([2e11, 6e11]))
+        >>> stiffer = scaled_laws(make_library([steps]), 2.0)
+        >>> stiffer.loading(np.array([0]), np.array([0.0]))[0].round()
+        array([800000.])
+    """
     return laws if factor == 1.0 else ScaledLaws(laws, factor)
 
 
 def join_laws(parts: Sequence[Laws]) -> Laws:
-    """One library of several; a single one is returned as it is."""
+    """One library of several; a single one is returned as it is.
+
+    Example:
+        >>> both = join_laws([OneLaw(linear_law(1e12)), OneLaw(linear_law(3e12))])
+        >>> both.loading(np.array([0, 1]), np.array([-1e-6, -1e-6]))[0].round()
+        array([1000000., 3000000.])
+    """
     if len(parts) == 1:
         return parts[0]
     sizes = [len(part) for part in parts]

@@ -72,6 +72,18 @@ def fit_hardness(
 
     Raises:
         SceneError: a curve that is no compressibility curve, or other wrong arguments.
+
+    Example:
+        >>> pad = given_statistics(10e-6, 0.0, 3.0)
+        >>> settings = LawSettings(2.4e9, boundary="periodic", max_pressure=3e6)
+        >>> recipe = LawRecipe(pad.bifractal, pad.hdf, settings, (64, 64))
+        >>> hard = replace(recipe, settings=replace(settings, hardness=200e6))
+        >>> laws, p = law_library(hard, 2, seed=0), np.geomspace(0.05e6, 2e6, 12)
+        >>> d = np.array([laws.at_pressure(x).d.mean() for x in p])
+        >>> curve = np.column_stack([p, p / 2e11 + d[0] - d])
+        >>> fit = fit_hardness(curve, recipe, bulk_stiffness=2e11, surfaces=2)
+        >>> f"{fit.hardness:.0e} Pa"
+        '2e+08 Pa'
     """
     began = time.perf_counter()
     if number("surfaces", surfaces) < 2:

@@ -330,6 +330,11 @@ def make_library(
 
     Raises:
         SceneError: no law, or steps that are not monotone.
+
+    Example:
+        >>> steps = LawSteps(np.array([1e-6, 0.0]), np.array([1e5, 4e5]), np.array([2e11, 6e11]))
+        >>> make_library([steps, steps])
+        LawLibrary(2 laws up to 4e+05 Pa)
     """
     if not steps:
         raise SceneError("a law library needs at least one law")

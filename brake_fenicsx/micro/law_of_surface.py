@@ -120,6 +120,13 @@ def contact_law(surface: Topography, E_star: float, **settings: Any) -> Computed
         SceneError: an argument without meaning, or a hardness that cannot carry the pressure.
         SurfaceError: missing points or a flat surface.
         NotConverged: a step misses the tolerance.
+
+    Example:
+        >>> x = np.arange(64) / 64
+        >>> wave = Topography(1e-6 * np.cos(2 * np.pi * x)[:, None] + 0 * x, (1e-3, 1e-3))
+        >>> law = contact_law(wave, 2.4e9, boundary="periodic", max_pressure=5e6)
+        >>> round(float(law.pressure(0.5e-6)) / 1e6, 1)  # [MPa] where the crests sink in by 0.5 um
+        1.4
     """
     of_kind("surface", surface, Topography, "a Topography, see surface.make_topography")
     law = make_library([law_steps(surface, LawSettings(E_star, **settings))])[0]
@@ -146,6 +153,13 @@ def law_steps(surface: Topography, settings: LawSettings, pressure: float = np.i
 
     Raises:
         As ``contact_law``.
+
+    Example:
+        >>> x = np.arange(64) / 64
+        >>> wave = Topography(1e-6 * np.cos(2 * np.pi * x)[:, None] + 0 * x, (1e-3, 1e-3))
+        >>> steps = law_steps(wave, LawSettings(2.4e9, boundary="periodic", max_pressure=5e6))
+        >>> round(float(steps.p[-1]) / 1e6, 2), bool(np.all(np.diff(steps.d) < 0))
+        (5.0, True)
     """
     h = surface.heights - surface.heights.mean()
     if not np.isfinite(h).all():

@@ -104,6 +104,13 @@ def force_above(
         mean_pressure: mean pressure on a patch [Pa].
         limit: pressure [Pa].
         surfaces: how many surfaces are pressed; the median of their shares is returned.
+
+    Example:
+        >>> pad = given_statistics(10e-6, 0.0, 3.0)
+        >>> settings = LawSettings(2.4e9, boundary="periodic")
+        >>> recipe = LawRecipe(pad.bifractal, pad.hdf, settings, (32, 32))
+        >>> round(force_above(recipe, seed=1, mean_pressure=0.2e6, limit=10e6), 1)
+        1.0
     """
     shares = []
     for number in range(surfaces):
@@ -125,6 +132,13 @@ def law_library(recipe: LawRecipe, n: int, seed: int) -> LawLibrary:
         recipe: what all laws share.
         n: number of laws.
         seed: seed of the library; law i belongs to its child i.
+
+    Example:
+        >>> pad = given_statistics(10e-6, 0.0, 3.0)
+        >>> settings = LawSettings(2.4e9, max_pressure=1e6)
+        >>> recipe = LawRecipe(pad.bifractal, pad.hdf, settings, (32, 32))
+        >>> law_library(recipe, 2, seed=1)
+        LawLibrary(2 laws up to 1e+06 Pa)
     """
     if n < 1:
         raise SceneError(f"laws = {n}: at least one")
@@ -141,6 +155,13 @@ def save_laws(path: str | Path, laws: LawLibrary) -> None:
     Args:
         path: ``.npz`` file to write.
         laws: the library.
+
+    Example:
+        >>> steps = LawSteps(np.array([1e-6, 0.0]), np.array([1e5, 4e5]), np.array([2e11, 6e11]))
+        >>> with TemporaryDirectory() as folder:
+        ...     save_laws(Path(folder) / "laws.npz", make_library([steps]))
+        ...     load_laws(Path(folder) / "laws.npz")
+        LawLibrary(1 laws up to 4e+05 Pa)
     """
     arrays = {name: getattr(laws, name) for name in ("count", "seed", "reach", *LawSteps._fields)}
     arrays = {name: array for name, array in arrays.items() if array is not None}
@@ -153,6 +174,13 @@ def load_laws(path: str | Path) -> LawLibrary:
 
     Raises:
         SceneError: no such file, not a library, or one of an earlier version.
+
+    Example:
+        >>> steps = LawSteps(np.array([1e-6, 0.0]), np.array([1e5, 4e5]), np.array([2e11, 6e11]))
+        >>> with TemporaryDirectory() as folder:
+        ...     save_laws(Path(folder) / "laws.npz", make_library([steps]))
+        ...     load_laws(Path(folder) / "laws.npz")
+        LawLibrary(1 laws up to 4e+05 Pa)
     """
     file = Path(path)
     with reading(file, "as a library of laws", "remove it and run the micro stage"):

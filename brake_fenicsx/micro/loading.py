@@ -103,6 +103,14 @@ def solve_contact(
         SceneError: an argument without meaning, or a load that the hardness cannot carry.
         SurfaceError: missing or infinite heights.
         NotConverged: the certificate stays above ``tol``.
+
+    Example:
+        >>> x = np.arange(64) / 64
+        >>> wave = 1e-6 * np.cos(2 * np.pi * x)[:, None] + 0 * x
+        >>> full = np.pi * 2.4e9 * 1e-6 / 1e-3  # pi E* amplitude / length closes it [Pa]
+        >>> half = solve_contact(wave, (1e-3, 1e-3), 2.4e9, load=full / 2e6, boundary="periodic")
+        >>> round(half.area_fraction, 1)  # Westergaard: 2 / pi asin(sqrt(p / full))
+        0.5
     """
     began = time.perf_counter()
     h, lengths = _checked(heights, size)

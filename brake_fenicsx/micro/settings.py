@@ -25,6 +25,10 @@ def plane_strain_modulus(E: float, nu: float) -> float:
     Args:
         E: Young's modulus [Pa], positive.
         nu: Poisson's ratio [-], between -1 and 0.5.
+
+    Example:
+        >>> round(plane_strain_modulus(1983.3e6, 0.4054) / 1e6, 1)
+        2373.4
     """
     positive(E=E)
     if not -1.0 < number("nu", nu) <= 0.5:
@@ -45,6 +49,10 @@ def transversely_isotropic_modulus(C11: float, C13: float, C33: float, C44: floa
 
     Reference: A. Delafargue, F.-J. Ulm, Int. J. Solids Struct. 41 (2004) 7351,
     doi:10.1016/j.ijsolstr.2004.06.019.
+
+    Example:
+        >>> round(transversely_isotropic_modulus(5.94e9, 0.98e9, 2.27e9, 1.18e9) / 1e6, 1)
+        2569.4
     """
     if not (C11 > 0.0 and C33 > 0.0 and C44 > 0.0 and C11 * C33 > C13**2):
         raise SceneError(

@@ -173,23 +173,19 @@ class _Follower:
                 ahead.append(self.solved(a.x + between * (b.x - a.x)))
 
     def _between(self, matching: Match) -> float | None:
-        """Place of a step, 0 to 1, where modes are needed too; None where it can be taken."""
+        """Place of a step, 0 to 1, where modes are needed too; None where it can be taken.
+
+        There two undamped modes meet or nearly do: they cross without coupling, or they merge and
+        split again within the step. Modes of a growing pair stand at their common frequency.
+        """
         if not matching.confident:
             return 0.5
-        # Modes that stay together, such as a doublet, meet in every step however small.
-        short = abs(matching.b.x - matching.a.x) <= JUMP * self._width
-        return None if short else self._look_between(matching)
-
-    def _look_between(self, matching: Match) -> float | None:
-        """Place of a step, 0 to 1, where two undamped modes meet or nearly do; None for none.
-
-        They cross without coupling there, or they merge and split again within the step. Modes of
-        a growing pair stand at their common frequency.
-        """
         a, b = matching.a, matching.b
-        away = AWAY * self._width / abs(b.x - a.x)
-        if not (a.undamped and b.undamped):
+        # Modes that stay together, such as a doublet, meet in every step however small.
+        short = abs(b.x - a.x) <= JUMP * self._width
+        if short or not (a.undamped and b.undamped):
             return None
+        away = AWAY * self._width / abs(b.x - a.x)
         order = [int(i) for i in np.argsort(a.s.imag) if int(i) in matching.pairs]
         for number, i in enumerate(order):
             for j in order[number + 1 : number + 3]:
@@ -255,14 +251,11 @@ class _Follower:
         if matching.jumped:
             done.jumps.append(number)
         speed = np.full(matching.b.s.size, np.nan, complex)
-        for i, j in matching.pairs.items():
-            speed[j] = (matching.b.s[j] - matching.a.s[i]) / (matching.b.x - matching.a.x)
         # What modes did that just merged, split or jumped says nothing of what they will do.
-        for i in [
-            *matching.jumped,
-            *(i for pair in matching.merged + matching.split for i in pair),
-        ]:
-            speed[matching.pairs[i]] = np.nan
+        turned = {*matching.jumped, *(i for two in matching.merged + matching.split for i in two)}
+        for i, j in matching.pairs.items():
+            if i not in turned:
+                speed[j] = (matching.b.s[j] - matching.a.s[i]) / (matching.b.x - matching.a.x)
         self._speed = speed
 
     def _found(self, state: int, mode: int, why: str) -> None:

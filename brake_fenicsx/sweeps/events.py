@@ -89,7 +89,7 @@ def _merging(
 ) -> Event:
     """Root of d between two states."""
     a, b = followed.states[state], followed.states[state + 1]
-    search = _search(followed, solve, pair, state)
+    search = _Search(followed, solve, pair, state)
     start = squared_distance(a, _modes(followed, pair, state))
     start = start or -squared_distance(b, _modes(followed, pair, state + 1))
     x, error = search.root(lambda s, *at: (squared_distance(s, at) / start).real, a.x, b.x, width)
@@ -143,50 +143,44 @@ def _crossing(
 ) -> Event:  # fmt: skip
     """Where the damping of a branch passes the threshold between two states."""
     a, b = followed.states[state], followed.states[state + 1]
-    mate, turning = _mate(followed, branch, state), _turning(followed, branch, state)
-    if mate is None and turning is not None:
+    mate = _mate(followed, branch, state)
+    if mate is None:
         # One mode has no continuation through a merging; the faster growing one of both has.
-        search = _search(followed, solve, turning, state)
-        x, error = search.root(
-            lambda s, *pair: float(s.damping[list(pair)].min() + threshold), a.x, b.x, width
-        )
-        there, chosen = search.at(x)
-        i = min(chosen, key=lambda n: float(there.damping[n]))
-    elif mate is None:
-        search = _search(followed, solve, (branch.number,), state)
-        x, error = search.root(lambda s, i: float(s.damping[i] + threshold), a.x, b.x, width)
-        there, (i,) = search.at(x)
+        group = _turning(followed, branch, state) or (branch.number,)
+
+        def value(s: State, *modes: int) -> float:
+            return float(s.damping[list(modes)].min() + threshold)
+
     else:
         # Of an undamped pair d grows smoothly from below zero to (threshold |omega|)^2.
-        search = _search(followed, solve, (branch.number, mate), state)
+        group = branch.number, mate
 
-        def excess(s: State, i: int, j: int) -> float:
-            omega = 0.5 * abs(s.s[i].imag + s.s[j].imag)
-            return squared_distance(s, (i, j)).real - (threshold * omega) ** 2
+        def value(s: State, *modes: int) -> float:
+            omega = 0.5 * abs(s.s[list(modes)].imag.sum())
+            return squared_distance(s, modes).real - (threshold * omega) ** 2
 
-        x, error = search.root(excess, a.x, b.x, width)
-        there, chosen = search.at(x)
-        i = max(chosen, key=lambda n: float(there.s[n].real))
+    search = _Search(followed, solve, group, state)
+    x, error = search.root(value, a.x, b.x, width)
+    there, modes = search.at(x)
+    growth = -there.damping if mate is None else there.s.real
+    i = max(modes, key=lambda n: float(growth[n]))
     s, vector = complex(there.s[i]), there.right[:, i]
     return Event(kind, x, error, s, (branch.number, -1), vector)
 
 
 def _turning(followed: Followed, branch: Branch, state: int) -> tuple[int, int] | None:
     """The pair of a branch that merges or splits in a step."""
-    for at, one, two in followed.merged + followed.split:
-        if at == state and branch.number in (one, two):
-            return one, two
-    return None
+    pairs = ((one, two) for at, one, two in followed.merged + followed.split if at == state)
+    return next((pair for pair in pairs if branch.number in pair), None)
 
 
 def _mate(followed: Followed, branch: Branch, state: int) -> int | None:
     """The branch that is a conjugate pair with another one on one side of a step at least."""
+    step = state, state + 1
     for other in followed.branches:
-        if other is branch or not {state, state + 1} <= {*other.states}:
-            continue
-        for n in (state, state + 1):
-            pair = _modes(followed, (branch.number, other.number), n)
-            if conjugate_pair(followed.states[n], pair):
+        if other is not branch and {*step} <= {*other.states}:
+            pairs = (_modes(followed, (branch.number, other.number), n) for n in step)
+            if any(map(conjugate_pair, (followed.states[n] for n in step), pairs)):
                 return other.number
     return None
 
@@ -197,27 +191,19 @@ def _merges(state: State, pair: Sequence[int]) -> bool:
     return bool(on_axis.all()) or conjugate_pair(state, pair)
 
 
-def _search(followed: Followed, solve: Solve, group: tuple[int, ...], state: int) -> _Search:
-    """Search for a group of branches between a state and the next one, and the states around."""
-    branches = [followed.branches[n] for n in group]
-    around = [n for n in (state, state + 1, state - 1, state + 2) if all(
-        b.states[0] <= n <= b.states[-1] for b in branches)]  # fmt: skip
-    chosen = [tuple(followed.at(b, n) for b in branches) for n in around]
-    search = _Search(solve, followed.states[around[0]], chosen[0])
-    for n, modes in zip(around[1:], chosen[1:], strict=True):
-        search.known(followed.states[n], modes)
-    return search
-
-
 class _Search:
-    """A group of modes at further values of the parameter, found by its projector."""
+    """A group of modes at further values of the parameter, found by its projector.
 
-    def __init__(self, solve: Solve, first: State, group: tuple[int, ...]):
-        self._solve = solve
-        self._states: dict[float, tuple[State, tuple[int, ...]]] = {first.x: (first, group)}
+    It begins with a state, the next one, and the states around where the branches are there too.
+    """
 
-    def known(self, state: State, group: tuple[int, ...]) -> None:
-        self._states[state.x] = state, group
+    def __init__(self, followed: Followed, solve: Solve, group: tuple[int, ...], state: int):
+        self._solve, branches = solve, [followed.branches[n] for n in group]
+        self._states: dict[float, tuple[State, tuple[int, ...]]] = {}
+        for n in (state, state + 1, state - 1, state + 2):
+            if all(n in b.states for b in branches):
+                modes = tuple(followed.at(b, n) for b in branches)
+                self._states[followed.states[n].x] = followed.states[n], modes
 
     def at(self, x: float) -> tuple[State, tuple[int, ...]]:
         if x not in self._states:

@@ -112,15 +112,10 @@ def match(
     moved = np.zeros(a.s.size) if speed is None else np.nan_to_num(np.abs(speed * step))
     reach = 2 * moved.max(initial=0.0) / (2 * np.pi)
     for i in sorted(free_a):
-        if _at_edge(a.frequency[i], band, 2 * moved[i] / (2 * np.pi)):
-            matching.left.append(i)
-        else:
-            matching.lost.append(i)
+        at_edge = _at_edge(a.frequency[i], band, 2 * moved[i] / (2 * np.pi))
+        (matching.left if at_edge else matching.lost).append(i)
     for j in sorted(free_b):
-        if _at_edge(b.frequency[j], band, reach):
-            matching.entered.append(j)
-        else:
-            matching.new.append(j)
+        (matching.entered if _at_edge(b.frequency[j], band, reach) else matching.new).append(j)
     return matching
 
 
@@ -178,30 +173,24 @@ def _one_pair(
 ) -> None:
     """Say which of two modes continues which."""
     a, b = matching.a, matching.b
-    if passes_zero(a, pair, b, mate):
-        # The lower branch takes the growing mode: a convention, since both are the pair.
-        if _apart(a, pair):
-            matching.merged.append(_by_frequency(a, pair))
-            matching.pairs |= dict(zip(_by_frequency(a, pair), _by_growth(b, mate), strict=True))
-        else:
-            matching.split.append(_by_growth(a, pair))
-            matching.pairs |= dict(zip(_by_growth(a, pair), _by_frequency(b, mate), strict=True))
-        return
+    apart = _apart(a, pair), _apart(b, mate)
+    # Of a pair that differs in frequency the lower mode comes first, else the growing one: the
+    # lower branch takes the growing mode beyond a merging, a convention, since both are the pair.
+    ordered = _ordered(a, pair), _ordered(b, mate)
     coupled = max(a.condition[list(pair)].max(), b.condition[list(mate)].max()) >= COUPLED
-    if coupled or (conjugate_pair(a, pair) and conjugate_pair(b, mate)):
+    if passes_zero(a, pair, b, mate):
+        (matching.merged if apart[0] else matching.split).append(ordered[0])
+        matching.pairs |= dict(zip(*ordered, strict=True))
+    elif apart[0] == apart[1] and (
+        coupled or (conjugate_pair(a, pair) and conjugate_pair(b, mate))
+    ):
         # Next to their merging, which is not between: they keep their order.
-        if _apart(a, pair) and _apart(b, mate):
-            matching.pairs |= dict(zip(_by_frequency(a, pair), _by_frequency(b, mate), strict=True))
-            return
-        if not (_apart(a, pair) or _apart(b, mate)):
-            matching.pairs |= dict(zip(_by_growth(a, pair), _by_growth(b, mate), strict=True))
-            return
-    order = _one_by_one(matching, pair, mate, speed, smallest and not coupled)
-    if order is None:
+        matching.pairs |= dict(zip(*ordered, strict=True))
+    elif order := _one_by_one(matching, pair, mate, speed, smallest and not coupled):
+        matching.pairs |= order
+    else:
         matching.lost += list(pair)
         matching.new += list(mate)
-    else:
-        matching.pairs |= order
 
 
 def _one_by_one(
@@ -271,11 +260,8 @@ def _apart(state: State, pair: Sequence[int]) -> bool:
     return bool(abs(step.imag) >= abs(step.real))
 
 
-def _by_frequency(state: State, pair: Sequence[int]) -> tuple[int, int]:
-    low, high = sorted(pair, key=lambda i: float(state.s[i].imag))
-    return low, high
-
-
-def _by_growth(state: State, pair: Sequence[int]) -> tuple[int, int]:
-    grow, decay = sorted(pair, key=lambda i: float(-state.s[i].real))
-    return grow, decay
+def _ordered(state: State, pair: Sequence[int]) -> tuple[int, int]:
+    """Two modes by their frequency where they differ in it, else the growing one first."""
+    key = state.s.imag if _apart(state, pair) else -state.s.real
+    first, second = sorted(pair, key=lambda i: float(key[i]))
+    return first, second

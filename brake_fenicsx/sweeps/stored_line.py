@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from .branches import Followed
 from .events import Event
-from .state import State
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class StoredLine:
-    """What was stored of one sample over one parameter.
+    """What is stored of one sample over one parameter, one array for each attribute.
 
     Attributes:
         x: values of the parameter that were computed, shape (states,).
@@ -29,7 +28,12 @@ class StoredLine:
         verdict: its verdict.
         begin: why each branch begins, shape (branches,).
         end: why it ends.
-        events: the events.
+        kind: which event each one is, shape (events,).
+        at: value of the parameter there.
+        accuracy: of the value.
+        event_s: eigenvalue there [1/s].
+        pair: the two branches, -1 for none, shape (events, 2).
+        vector: right vectors there, shape (events, m).
         stopped: why there are no modes beyond the last value; empty if there are all.
     """
 
@@ -41,30 +45,37 @@ class StoredLine:
     verdict: NDArray[np.str_]
     begin: NDArray[np.str_]
     end: NDArray[np.str_]
-    events: list[Event]
+    kind: NDArray[np.str_]
+    at: Array
+    accuracy: Array
+    event_s: NDArray[np.complex128]
+    pair: NDArray[np.intp]
+    vector: NDArray[np.complex64]
     stopped: str
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> StoredLine:
         """From what ``line_arrays`` made."""
-        names = "kind", "at", "accuracy", "event_s", "pair", "vector"
-        events = [
-            Event(str(kind), float(x), float(e), complex(s), (int(p[0]), int(p[1])), v)
-            for kind, x, e, s, p, v in zip(*(data[name] for name in names), strict=True)
-        ]
-        return cls(
-            data["x"], data["branch"], data["state"], data["s"], data["error"], data["verdict"],
-            data["begin"], data["end"], events, str(data["stopped"]),
-        )  # fmt: skip
+        arrays = {f.name: data[f.name] for f in fields(cls)}
+        return cls(**arrays | {"stopped": str(data["stopped"])})
+
+    @property
+    def events(self) -> Iterator[Event]:
+        """The events."""
+        every = (self.kind, self.at, self.accuracy, self.event_s, self.pair, self.vector)
+        for kind, x, error, s, pair, vector in zip(*every, strict=True):
+            one, two = pair.tolist()
+            yield Event(str(kind), float(x), float(error), complex(s), (one, two), vector)
 
     def rows(self) -> Iterator[tuple[int, int, complex, float, str]]:
         """State, branch, lambda [1/s], its error and verdict of every row."""
         every = (self.state, self.branch, self.s, self.error, self.verdict)
-        for state, branch, s, error, verdict in zip(*every, strict=True):
-            yield int(state), int(branch), complex(s), float(error), str(verdict)
+        return zip(*(column.tolist() for column in every), strict=True)
 
 
-def line_arrays(followed: Followed, events: list[Event], numbers: list[int]) -> dict[str, Any]:
+def line_arrays(
+    followed: Followed, events: Sequence[Event], numbers: Sequence[int]
+) -> dict[str, Any]:
     """Arrays to store.
 
     Args:
@@ -72,31 +83,31 @@ def line_arrays(followed: Followed, events: list[Event], numbers: list[int]) -> 
         events: their events.
         numbers: number that each branch is stored under.
     """
-    states: list[State] = followed.states
-    rows = [
-        (numbers[b.number], i, states[i].s[m], states[i].error[m], states[i].verdict[m])
-        for b in followed.branches
-        for i, m in zip(b.states, b.modes, strict=True)
-    ]
-    branch, state, s, error, verdict = zip(*rows, strict=True) if rows else ((),) * 5
+    branches, states = followed.branches, followed.states
+
+    def of(items: Sequence[Any], name: str, kind: type) -> NDArray[Any]:
+        return np.array([getattr(item, name) for item in items], dtype=kind)
+
+    def of_modes(name: str, kind: type) -> NDArray[Any]:
+        places = ((i, m) for b in branches for i, m in zip(b.states, b.modes, strict=True))
+        return np.array([getattr(states[i], name)[m] for i, m in places], dtype=kind)
+
     size = len(states[0].right)
-    vectors = np.zeros((len(events), size), np.complex64)
-    for row, event in zip(vectors, events, strict=True):
-        row[:] = event.vector
     pairs = [[numbers[i] if i >= 0 else -1 for i in e.branches] for e in events]
     return {
-        "x": np.array([a.x for a in states]),
-        "branch": np.array(branch, dtype=np.intp), "state": np.array(state, dtype=np.intp),
-        "s": np.array(s, dtype=complex), "error": np.array(error, dtype=float),
-        "verdict": np.array(verdict, dtype=str),
-        "number": np.array(numbers, dtype=np.intp),
-        "begin": np.array([b.begin for b in followed.branches], dtype=str),
-        "end": np.array([b.end for b in followed.branches], dtype=str),
-        "kind": np.array([e.kind for e in events], dtype=str),
-        "at": np.array([e.x for e in events]),
-        "accuracy": np.array([e.error for e in events]),
-        "event_s": np.array([e.s for e in events], dtype=complex),
+        "x": of(states, "x", float),
+        "branch": np.repeat(np.array(numbers, np.intp), [len(b.states) for b in branches]),
+        "state": np.array([i for b in branches for i in b.states], dtype=np.intp),
+        "s": of_modes("s", complex),
+        "error": of_modes("error", float),
+        "verdict": of_modes("verdict", str),
+        "begin": of(branches, "begin", str),
+        "end": of(branches, "end", str),
+        "kind": of(events, "kind", str),
+        "at": of(events, "x", float),
+        "accuracy": of(events, "error", float),
+        "event_s": of(events, "s", complex),
         "pair": np.array(pairs, dtype=np.intp).reshape(-1, 2),
-        "vector": vectors,
-        "solves": followed.solves, "stopped": followed.stopped,
-    }  # fmt: skip
+        "vector": of(events, "vector", np.complex64).reshape(-1, size),
+        "stopped": followed.stopped,
+    }

@@ -40,9 +40,14 @@ class SweepStudy:
 
     Attributes:
         study: the samples of the scene, prepared.
+        keys: dotted keys of the parameters.
+        key: that of the parameter that modes are followed over.
+        values: its values, SI.
+        coarse: those at which samples are followed.
+        second: values of the second parameter, of a chart.
+        threshold: a mode squeals where -2 alpha / |omega| lies below minus this.
         nominal: approach and line of each line of the scene's own brake.
         samples: approach and number of each sample that is followed.
-        second: values of the second parameter, of a chart.
     """
 
     def __init__(self, study: Study):
@@ -50,47 +55,26 @@ class SweepStudy:
         sweep, stability = study.scene.sweep, study.scene.stability
         if sweep is None or stability is None:
             raise ValueError("the scene names no sweep")
-        self.study, self._sweep, self._stability = study, sweep, stability
+        self.study, self.threshold = study, stability.threshold
+        self.keys, self.key, self._second = [*sweep.parameters], sweep.first, sweep.second
+        self.values: tuple[float, ...] = sweep.parameters[self.key].points
+        every = max(1, min(EVERY, (len(self.values) - 1) // (FEWEST - 1)))
+        self.coarse = (*self.values[:-1:every], self.values[-1])
+        self.second: tuple[float, ...] = ()
+        if self._second is not None:
+            self.second = sweep.parameters[self._second].points
+        self._band = stability.band[0], stability.band[1]
         named = study.scene.samples.approaches
         chosen = [next((a for a in kind if a in named), None) for kind in (ROUGH, PERFECT)]
-        self.approaches = [a for a in chosen if a is not None]
-        second = sweep.second
-        self.second = () if second is None else sweep.parameters[second].points
         lines = range(max(1, len(self.second)))
-        self.nominal: list[Task] = [(a, k) for a in self.approaches for k in lines]
-        rough = next((a for a in ROUGH if a in named), "")
+        self.nominal: list[Task] = [(a, k) for a in chosen if a is not None for k in lines]
+        rough = chosen[0] or ""
         most = min(sweep.samples, sum(task[0] == rough for task in study.tasks))
         self.samples: list[Task] = [(rough, k) for k in range(most)]
         # Lines of another sweep in the same folder are other files.
         mark = digest([study.scene.table.get("sweep"), stability.threshold])[:8]
         self._columns: dict[str, Followed] = {}
         self._name = {"own": f"sweep-{mark}-own", "sample": f"sweep-{mark}"}
-
-    @property
-    def keys(self) -> list[str]:
-        """Dotted keys of the parameters."""
-        return [*self._sweep.parameters]
-
-    @property
-    def key(self) -> str:
-        """That of the parameter that modes are followed over."""
-        return self._sweep.first
-
-    @property
-    def threshold(self) -> float:
-        """A mode squeals where -2 alpha / |omega| lies below minus this."""
-        return self._stability.threshold
-
-    @property
-    def values(self) -> tuple[float, ...]:
-        """Values of the parameter that modes are followed over, SI."""
-        return self._sweep.parameters[self._sweep.first].points
-
-    @property
-    def coarse(self) -> tuple[float, ...]:
-        """Those at which samples are followed."""
-        every = max(1, min(EVERY, (len(self.values) - 1) // (FEWEST - 1)))
-        return (*self.values[:-1:every], self.values[-1])
 
     def run(self) -> None:
         """Follow every line that is not stored yet; collective."""
@@ -150,14 +134,14 @@ class SweepStudy:
 
     def _sample_line(self, approach: str, k: int) -> dict[str, Any]:
         ends = self.values[0], self.values[-1]
-        solve = Points(self.study, (approach, k), self._sweep.first, ends=ends)
+        solve = Points(self.study, (approach, k), self.key, ends=ends)
         followed = follow(solve, self.coarse, self._band)
         events = find_events(followed, solve, self.threshold, FINE, onsets_alone=True)
         return line_arrays(followed, events, list(range(len(followed.branches))))
 
     def _own_line(self, approach: str, line: int) -> dict[str, Any]:
         fixed = self._scene_values(approach)
-        key, second = self._sweep.first, self._sweep.second
+        key, second = self.key, self._second
         numbers: list[int] | None = None
         if second is not None:
             # Branches of all lines are named as those of the first value of the first parameter.
@@ -174,7 +158,7 @@ class SweepStudy:
         """The second parameter at the first value of the first; once for all lines."""
         if approach not in self._columns:
             ends = self.second[0], self.second[-1]
-            across = Points(self.study, (approach, 0), str(self._sweep.second), fixed, ends)
+            across = Points(self.study, (approach, 0), str(self._second), fixed, ends)
             self._columns[approach] = follow(across, self.second, self._band)
         return self._columns[approach]
 
@@ -184,10 +168,6 @@ class SweepStudy:
         if not scene.samples.takes_random(approach):
             return {}
         return {name: nominal_value(scene, name) for name in scene.samples.random}
-
-    @property
-    def _band(self) -> tuple[float, float]:
-        return self._stability.band[0], self._stability.band[1]
 
 
 def _branches_at(column: Followed, x: float) -> list[int] | None:

@@ -11,8 +11,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from brake_fenicsx.build.brake import assemble_brake
-from brake_fenicsx.macro.elasticity import affine_parts
-from brake_fenicsx.macro.layer_mass import layer_masses
+from brake_fenicsx.macro.elasticity import affine_parts, layer_masses
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import complex_modes, contact_interface
 from brake_fenicsx.stability.damping_matrices import loss_factor, rayleigh

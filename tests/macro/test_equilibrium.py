@@ -196,19 +196,6 @@ def test_no_mode_of_separation_is_taken_for_contact(two_blocks):
     np.testing.assert_allclose(laws.first_touch(), [0, 1e-6, -1e-6])
 
 
-def test_stiffness_is_the_slope_of_the_pressure_at_every_element():
-    """k = -dp/dg by central differences, over all laws and gaps."""
-    n = 300
-    laws = enriched("computed", n)
-    touch = laws.first_touch()
-    g = touch - np.random.default_rng(0).uniform(-0.2e-6, 2e-6, n)
-    h = 1e-11
-    slope = (laws.pressure(g - h) - laws.pressure(g + h)) / (2 * h)
-    np.testing.assert_allclose(
-        slope, laws.stiffness(g), rtol=1e-4, atol=1e-3 * laws.stiffness(g).mean()
-    )
-
-
 def test_critical_gaps_and_separations_follow_the_heights():
     """Zero mean, S_q of the scan; Eq. (16) is the density of g - g_cr, mirrored heights."""
     hdf = given_statistics(33.1e-6, -0.2410, 3.6549).hdf

@@ -28,13 +28,6 @@ def test_user_option_wins_and_ours_leave_no_trace():
         options.delValue("brake_test_mat_mumps_icntl_14")
 
 
-def test_block_of_right_hand_sides_is_solved():
-    A = chain(2.0)
-    b = np.random.default_rng(0).standard_normal((200, 150))
-    x = Factor(A).solve(b)
-    assert np.linalg.norm(A @ x - b) < 1e-10 * np.linalg.norm(b)
-
-
 def test_sparse_right_hand_sides_are_solved_like_dense_ones():
     """Columns of a few entries, some of none; more of them than one block holds."""
     A, b = chain(2.0), sp.random(200, 150, 0.02, format="csc", random_state=0)

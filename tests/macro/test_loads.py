@@ -68,24 +68,6 @@ def test_a_bar_bends_and_twists_as_it_should():
     assert np.polyfit(y[across], u[across], 1)[0] < 0
 
 
-def test_a_run_under_a_force_is_that_under_its_pressure(tmp_path):
-    """Pressures, forces on the pad and modes, a random friction, through the reduced model."""
-    rows = []
-    for name, load in (("p", '{ pressure="5 bar" }'), ("F", '{ force=[0, 0, "-400 N"] }')):
-        more = [
-            f'loads={{ "block.top"={load} }}', "stability.method='reduced'",
-            "stability.band=['0 Hz', '20 kHz']", "samples={ n=2, approaches=['parametric'] }",
-            "samples.random.'contact.block_plate.friction'={ law='uniform', min=0.2, max=0.3 }",
-            "stages=['equilibrium', 'stability', 'uncertainty']", "stability.drivers=true",
-        ]  # fmt: skip
-        run(BLOCK, MPI.COMM_SELF, tmp_path / name, overrides=[*COARSE, *more])
-        summary = json.loads((tmp_path / name / "summary.json").read_text())
-        rows.append(summary["contact_forces"]["parametric"]["block_plate"])
-        assert rows[-1]["normal_N"] == pytest.approx(400.0, rel=1e-6)
-        assert rows[-1]["leading_half_share"] > 0.5
-    assert rows[0] == pytest.approx(rows[1], rel=1e-6)
-
-
 @pytest.mark.parametrize(
     ("load", "said"),
     [

@@ -7,8 +7,7 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from brake_fenicsx.macro.elasticity import affine_parts
-from brake_fenicsx.macro.layer_mass import layer_masses
+from brake_fenicsx.macro.elasticity import affine_parts, layer_masses
 from brake_fenicsx.stability import ContactLinearisation, complex_modes
 from brake_fenicsx.stability.derivatives import (
     bilinear,

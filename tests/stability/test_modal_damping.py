@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.damping_terms import with_modal_damping
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.layer_mass import layer_masses
+from brake_fenicsx.macro.elasticity import layer_masses
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import reduce_bodies, split_substructures

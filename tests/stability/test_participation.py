@@ -6,7 +6,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.layer_mass import layer_masses
+from brake_fenicsx.macro.elasticity import layer_masses
 from brake_fenicsx.stability import ContactLinearisation, Reduced, complex_modes
 from brake_fenicsx.stability.participation import (
     damped_partners,

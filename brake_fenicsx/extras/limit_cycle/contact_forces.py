@@ -9,7 +9,7 @@ has had, at equilibrium or in the vibration, it goes back along
 p_m the pressure of loading to g_m and v_m the stiffness of small vibrations there; n = EXPONENT.
 Friction mu(|v|) w p acts against the slip velocity v = (V - v_T, -v_R) of the disc past the pad,
 with the rates that the scene's damping terms name. Without them its direction does not change, and
-``reduced_bodies`` takes it as a part of the normal force.
+``bodies`` takes it as a part of the normal force.
 """
 
 from __future__ import annotations
@@ -20,8 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.gap import EnrichedGap
-from brake_fenicsx.macro.patch_forces import patch_forces, sliding
-from brake_fenicsx.macro.sliding_friction import Coefficient, SlidingFriction
+from brake_fenicsx.macro.sliding_friction import (
+    Coefficient,
+    SlidingFriction,
+    patch_forces,
+    sliding,
+)
 
 from .harmonic_balance import Tangent
 
@@ -90,25 +94,20 @@ class PeriodForces:
         p, k, past = np.zeros((3, *g.shape))
         soft = self.yields
         if (~soft).any():
-            p[~soft], k[~soft] = _loading(self.laws, ~soft, g[~soft])
+            p[~soft], k[~soft] = _of(self.laws, ~soft, g.shape[1]).loading(g[~soft])
         if soft.any():
             lowest = g[soft].min(axis=1, keepdims=True)
-            g_m = np.minimum(lowest, self.g[soft, None])
-            p_m, k_m = _loading(self.laws, soft, g_m)
-            v_m, slope = self.laws.laws.vibration(*_seen(self.laws, soft, g_m))
-            p[soft], k[soft], moved = _elastic(g[soft] - g_m, p_m, k_m, v_m, slope)
+            g_m, laws = np.minimum(lowest, self.g[soft, None]), _of(self.laws, soft, 1)
+            branch = _elastic(g[soft] - g_m, *laws.loading(g_m), *laws.vibration(g_m))
+            p[soft], k[soft], moved = branch
             past[soft] = moved * (lowest < self.g[soft, None])
         return p, k, past
 
 
-def _seen(laws: EnrichedGap, chosen: NDArray[np.bool_], g: Array) -> tuple[NDArray, Array]:
-    """Numbers of laws and separations of some elements, of one shape."""
-    index = np.broadcast_to(laws.index[chosen, None], g.shape)
-    return index, g - laws.g_cr[chosen, None]
-
-
-def _loading(laws: EnrichedGap, chosen: NDArray[np.bool_], g: Array) -> tuple[Array, Array]:
-    return laws.laws.loading(*_seen(laws, chosen, g))
+def _of(laws: EnrichedGap, chosen: NDArray[np.bool_], times: int) -> EnrichedGap:
+    """Laws of some elements at so many times, of gaps of the shape (elements, times)."""
+    index = np.repeat(laws.index[chosen, None], times, axis=1)
+    return EnrichedGap(laws.laws, index, laws.g_cr[chosen, None])
 
 
 def _elastic(

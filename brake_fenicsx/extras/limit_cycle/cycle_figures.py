@@ -5,22 +5,23 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 
 from brake_fenicsx.report.page_blocks import Block, Table, Text
 from brake_fenicsx.report.style import CYCLE, GREY, label, light_grid, new_figure
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import kilohertz
-from brake_fenicsx.results.tables import Columns, Value
+
+from .floquet import GIVES_WAY
+from .sample import HEARD
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-HEARD = ("stable", "undecided", "undamped")  # outcomes whose loudness is stated
-ENDED = (*HEARD, "gives way")  # outcomes at which growth ends
+ENDED = (*HEARD, GIVES_WAY)  # outcomes at which growth ends; those of HEARD state a loudness
 DOUBTS: dict[str, str] = {
     "undamped": "{} have no damping: growth ends there, but no vibration settles.",
-    "gives way": "{} cycles give way to another vibration, which may be several times larger and is"
+    GIVES_WAY: "{} cycles give way to another vibration, which may be several times larger and is"
     " not computed: no loudness is stated.",
     "none": "{} modes grow beyond the largest amplitude, or their branch is lost: no number.",
     "unstable": "{} cycles are thresholds of a kick beyond which a vibration grows.",
@@ -34,60 +35,47 @@ NOTE = (
     " exceeds the sliding speed, the cycle lies beyond that assumption and is smaller in reality."
     " The sound level is an estimate: the faces lie in a rigid wall, 1 m away in the open."
 )
+HEADS = (
+    "approach", "family", "frequency [kHz]", "samples that grow", "how growth ends",
+    "level at 1 m [dB]", "5 % to 95 % of samples [dB]", "disc velocity [mm/s]",
+    "gap amplitude [um]", "rank by loudness", "rank by damping",
+)  # fmt: skip
 
 
 def cycle_blocks(run: RunData) -> list[Block]:
     """The loudest families in words and numbers."""
-    table = run.extras.get("limit_cycle_families")
-    if table is None or not table["family"].size:
+    if not len(families := _loudest(run)):
         return []
-    heads = [
-        "approach", "family", "frequency [kHz]", "samples that grow", "how growth ends",
-        "level at 1 m [dB]", "5 % to 95 % of samples [dB]", "disc velocity [mm/s]",
-        "gap amplitude [um]", "rank by loudness", "rank by damping",
+    rows = [
+        [run.label(f.approach), f.family, frequency_text(run, f.approach, f.family),
+         f.growing_samples, f.outcomes, _text(f.level_1m_db_50, ".0f"),
+         _text(f.level_1m_db_5, ".0f", f" to {f.level_1m_db_95:.0f}"),
+         _text(f.disc_mm_s_50, ".3g"), _text(f.gap_um_50, ".3g"),
+         _text(f.rank_by_loudness, ".0f"), f.rank_by_damping]
+        for f in families.itertuples()
     ]  # fmt: skip
-    rows: list[list[Value]] = []
-    shown = {(name, family) for name in run.approaches for family in _loudest(run, name)}
-    for i, place in enumerate(zip(map(str, table["approach"]), table["family"], strict=True)):
-        if place not in shown:
-            continue
-        cell = {name: column[i] for name, column in table.items()}
-        ends = [cell[f"{LEVEL}_{q}"] for q in (5, 95)]
-        rows.append([
-            run.label(str(cell["approach"])), int(cell["family"]),
-            frequency_text(run, *place), int(cell["growing_samples"]), str(cell["outcomes"]),
-            _text(cell[f"{LEVEL}_50"], ".0f"),
-            "{:.0f} to {:.0f}".format(*ends) if np.all(np.isfinite(ends)) else "-",
-            _text(cell["disc_mm_s_50"], ".3g"), _text(cell["gap_um_50"], ".3g"),
-            _text(cell["rank_by_loudness"], ".0f"), int(cell["rank_by_damping"]),
-        ])  # fmt: skip
-    return [
-        Text(" ".join([NOTE, *_doubts(run.extras["limit_cycle"])])),
-        Table.without_empty(heads, rows),
-    ]
+    cycles = pd.DataFrame(run.extras["limit_cycle"])
+    return [Text(" ".join([NOTE, *_doubts(cycles)])), Table.without_empty(HEADS, rows)]
 
 
 def draw_growth(run: RunData) -> Figure | None:
     """Growth rate over amplitude of the loudest families; cycles where it crosses zero."""
-    points, cycles = run.extras.get("limit_cycle_growth"), run.extras.get("limit_cycle")
-    if points is None or cycles is None or not points["mode"].size:
+    points, cycles = _table(run, "limit_cycle_growth"), _table(run, "limit_cycle")
+    if not len(points):
         return None
-    names = [name for name in run.approaches if name in points["approach"]]
+    names = [name for name in run.approaches if name in set(points.approach)]
     figure, axes = new_figure(1, len(names), sharey=True)
     for axis, approach in zip(axes[0], names, strict=True):
-        for colour, family in zip(CYCLE, _loudest(run, approach), strict=False):
-            own = (points["approach"] == approach) & (points["family"] == family)
-            pairs = np.unique(np.array([points["sample"][own], points["mode"][own]]), axis=1).T
-            for i, (sample, mode) in enumerate(pairs):
-                line = own & (points["sample"] == sample) & (points["mode"] == mode)
-                text = f"{frequency_text(run, approach, family)} kHz" if i == 0 else None
-                axis.plot(
-                    points["amplitude_um"][line], points["alpha_1_s"][line], color=colour, lw=0.9,
-                    alpha=0.8, label=text,
-                )  # fmt: skip
-            ended = (cycles["approach"] == approach) & (cycles["family"] == family)
+        shown = _loudest(run)
+        for colour, family in zip(CYCLE, shown.family[shown.approach == approach], strict=False):
+            text: str | None = f"{frequency_text(run, approach, family)} kHz"
+            for _, line in _of(points, approach, family).groupby(["sample", "mode"]):
+                looks = {"color": colour, "lw": 0.9, "alpha": 0.8, "label": text}
+                axis.plot(line.amplitude_um, line.alpha_1_s, **looks)
+                text = None
+            ended = _of(cycles, approach, family)
             for words, fill in ((ENDED, colour), ("unstable", "none")):
-                at = cycles["amplitude_um"][ended & _begins(cycles, words)]
+                at = ended.amplitude_um[ended.outcome.str.startswith(words)]
                 # To the layout, unclipped markers of no points lie in the corner of the figure.
                 if at.size:
                     axis.plot(at, np.zeros_like(at), "o", ms=5, mec=colour, mfc=fill, clip_on=False)
@@ -103,18 +91,14 @@ def draw_growth(run: RunData) -> Figure | None:
 
 def draw_loudness(run: RunData) -> Figure | None:
     """Level of the loudest families over the samples."""
-    cycles = run.extras.get("limit_cycle")
-    if cycles is None or not np.isfinite(np.asarray(cycles[LEVEL], float)).any():
-        return None
-    levels, names = [], []
-    for approach in run.approaches:
-        for family in _loudest(run, approach):
-            own = (cycles["approach"] == approach) & (cycles["family"] == family)
-            own &= _begins(cycles, HEARD) & np.isfinite(cycles[LEVEL])
-            if own.any():
-                levels.append(cycles[LEVEL][own])
-                kilo = frequency_text(run, approach, family)
-                names.append(f"{kilo} kHz\n{label(run, approach)}")
+    cycles, levels, names = _table(run, "limit_cycle"), [], []
+    for f in _loudest(run).itertuples():
+        own = _of(cycles, f.approach, f.family)
+        level = own[LEVEL][own.outcome.str.startswith(HEARD)].dropna()
+        if level.size:
+            levels.append(level)
+            kilo = frequency_text(run, f.approach, f.family)
+            names.append(f"{kilo} kHz\n{label(run, f.approach)}")
     if not levels:
         return None
     figure, axes = new_figure(1, 1, height=3.0)
@@ -125,46 +109,46 @@ def draw_loudness(run: RunData) -> Figure | None:
     return figure
 
 
-def _loudest(run: RunData, approach: str) -> list[int]:
-    table = run.extras["limit_cycle_families"]
-    own = table["approach"] == approach
-    return [int(family) for family in table["family"][own][:MOST]]
-
-
 def frequency_text(run: RunData, approach: str, family: int) -> str:
     """Frequency of a family [kHz]: that of its squeal modes, as everywhere on the page."""
     for one in run.squeal.families(approach):
         if one.key == family:
             return one.kilohertz
-    table = run.extras["limit_cycle_families"]
-    own = (table["approach"] == approach) & (table["family"] == family)
-    return kilohertz(table["frequency_hz"][own].tolist())[0]
+    own = _of(_table(run, "limit_cycle_families"), approach, family)
+    return kilohertz(own.frequency_hz.tolist())[0]
 
 
 def loudness_text(run: RunData, approach: str, family: int) -> str:
     """How growth of a family ends, and how loud; empty without limit cycles."""
-    table = run.extras.get("limit_cycle_families")
-    if table is None:
-        return ""
-    for i in np.flatnonzero((table["approach"] == approach) & (table["family"] == family)):
-        level = float(table[f"{LEVEL}_50"][i])
-        loud = f"; {level:.0f} dB at 1 m" if np.isfinite(level) else ""
-        return f"{table['outcomes'][i]}{loud}"
+    for f in _of(_table(run, "limit_cycle_families"), approach, family).itertuples():
+        level = f.level_1m_db_50
+        return f"{f.outcomes}; {level:.0f} dB at 1 m" if np.isfinite(level) else f.outcomes
     return ""
 
 
-def _doubts(cycles: Columns) -> list[str]:
+def _table(run: RunData, name: str) -> pd.DataFrame:
+    """A table of limit cycles; without rows where the run has none."""
+    return pd.DataFrame(run.extras.get(name, {"approach": [], "family": []}))
+
+
+def _of(table: pd.DataFrame, approach: str, family: int) -> pd.DataFrame:
+    return table[(table.approach == approach) & (table.family == family)]
+
+
+def _loudest(run: RunData) -> pd.DataFrame:
+    """Rows of the loudest families of each approach, approaches in the order of the page."""
+    table = _table(run, "limit_cycle_families")
+    each = [table[table.approach == name].head(MOST) for name in run.approaches]
+    return pd.concat([table.head(0), *each])
+
+
+def _doubts(cycles: pd.DataFrame) -> list[str]:
     """What single cycles cannot say, counted."""
-    fast = _begins(cycles, ENDED) & (np.nan_to_num(cycles["slip_over_speed"]) > 1)
+    fast = cycles.outcome.str.startswith(ENDED) & (cycles.slip_over_speed > 1)
     counts = {"{} cycles exceed the sliding speed.": fast}
-    counts |= {text: _begins(cycles, words) for words, text in DOUBTS.items()}
+    counts |= {text: cycles.outcome.str.startswith(words) for words, text in DOUBTS.items()}
     return [text.format(int(n.sum())) for text, n in counts.items() if n.any()]
 
 
-def _begins(cycles: Columns, words: str | tuple[str, ...]) -> NDArray[np.bool_]:
-    """Rows whose outcome begins with one of some words."""
-    return np.array([str(text).startswith(words) for text in cycles["outcome"]], dtype=bool)
-
-
-def _text(value: float, form: str) -> str:
-    return format(value, form) if np.isfinite(value) else "-"
+def _text(value: float, form: str, more: str = "") -> str:
+    return f"{value:{form}}{more}" if np.isfinite(value) else "-"

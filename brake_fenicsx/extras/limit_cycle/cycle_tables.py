@@ -13,13 +13,13 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 
-from brake_fenicsx.extras.limit_cycle.floquet import GIVES_WAY, UNDECIDED
-from brake_fenicsx.extras.limit_cycle.growth import STABLE, UNDAMPED
-from brake_fenicsx.extras.limit_cycle.sample import HEARD, MEASURES
 from brake_fenicsx.results.stored import StoredSamples
 from brake_fenicsx.results.tables import RowTable
+
+from .floquet import GIVES_WAY
+from .sample import HEARD, MEASURES
 
 MODE = ("approach", "sample", "family", "mode")
 CYCLES = (*MODE, "linear_frequency_hz", "linear_alpha_1_s", "outcome", *MEASURES)
@@ -29,6 +29,7 @@ FAMILIES = (
     "level_1m_db_50", "level_1m_db_95", "disc_mm_s_50", "gap_um_50", "rank_by_loudness",
     "rank_by_damping", "outcomes",
 )  # fmt: skip
+# Numbers that families are ranked by, one after the other where those before are missing or equal.
 LOUDNESS = ("level_1m_db", "disc_mm_s", "gap_um")
 
 
@@ -68,57 +69,32 @@ def _stored(
 
 def _families(rows: list[list[Any]]) -> list[list[Any]]:
     """One row for each family of each approach, the loudest first."""
-    members: dict[tuple[str, int], list[dict[str, Any]]] = {}
-    for row in rows:
-        named = dict(zip(CYCLES, row, strict=True))
-        members.setdefault((named["approach"], named["family"]), []).append(named)
-    out = []
-    for approach in dict.fromkeys(name for name, _ in members):
-        own = [(number, found) for (name, number), found in members.items() if name == approach]
-        first = [_first_cycles(found) for _, found in own]
-        heard = [[c for c in cycles if c["outcome"].startswith(HEARD)] for cycles in first]
-        loud = _ranks([[_median(cycles, name) for name in LOUDNESS] for cycles in heard])
-        calm = _ranks([
-            [np.median([2 * m["linear_alpha_1_s"] / m["linear_frequency_hz"] for m in found])]
-            for _, found in own
-        ])  # fmt: skip
-        each = zip(own, first, heard, loud, calm, strict=True)
-        for (number, found), ended, cycles, rank, damping in sorted(each, key=lambda x: x[3]):
-            levels = [c["level_1m_db"] for c in cycles if c["level_1m_db"] is not None]
-            spread = np.quantile(levels, [0.05, 0.5, 0.95]).tolist() if levels else [None] * 3
-            out.append([
-                approach, number, float(np.mean([m["linear_frequency_hz"] for m in found])),
-                len({m["sample"] for m in found}), len(ended), *spread,
-                _median(cycles, "disc_mm_s"), _median(cycles, "gap_um"),
-                rank if cycles else None, damping, _outcomes(ended, found),
-            ])  # fmt: skip
-    return sorted(out, key=lambda row: row[0])
+    every, out = pd.DataFrame(rows, columns=CYCLES), []
+    for _, own in every.astype(dict.fromkeys(LOUDNESS, float)).groupby("approach"):
+        found = [_family(members) for _, members in own.groupby("family", sort=False)]
+        table = pd.DataFrame(found, columns=(*FAMILIES, "growth", "heard"))
+        table["rank_by_damping"] = table.growth.rank(ascending=False, method="first")
+        by = ["level_1m_db_50", "disc_mm_s_50", "gap_um_50"]
+        table = table.sort_values(by, ascending=False, kind="stable", ignore_index=True)
+        for rank, row in enumerate(table.to_dict("records"), 1):
+            row["rank_by_loudness"] = rank if row["heard"] else None
+            row["rank_by_damping"] = int(row["rank_by_damping"])
+            out.append([None if row[name] != row[name] else row[name] for name in FAMILIES])
+    return out
 
 
-def _outcomes(ended: list[dict[str, Any]], members: list[dict[str, Any]]) -> str:
-    """How many modes end their growth in which way, such as "3 stable, 1 gives way"."""
-    words = [c["outcome"].partition(":")[0] for c in ended]
-    words += ["no end" for m in members if m["outcome"].startswith("none")]
-    return ", ".join(f"{n} {word}" for word, n in Counter(words).most_common())
-
-
-def _first_cycles(members: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The first cycle that growth ends at, of each mode of each sample."""
-    ended = [
-        m for m in members if m["outcome"].startswith((STABLE, GIVES_WAY, UNDECIDED, UNDAMPED))
-    ]
-    return list({(m["sample"], m["mode"]): m for m in reversed(ended)}.values())
-
-
-def _median(cycles: list[dict[str, Any]], name: str) -> float | None:
-    values = [c[name] for c in cycles if c[name] is not None]
-    return float(np.median(values)) if values else None
-
-
-def _ranks(values: list[list[float | None]]) -> NDArray[np.intp]:
-    """Ranks from 1 for the largest; a column decides where those before it are missing or equal."""
-    keys = [[-np.inf if v is None else float(v) for v in row] for row in values]
-    order = sorted(range(len(keys)), key=lambda i: keys[i], reverse=True)
-    ranks = np.zeros(len(keys), dtype=np.intp)
-    ranks[order] = np.arange(1, len(keys) + 1)
-    return ranks
+def _family(members: pd.DataFrame) -> list[Any]:
+    """``FAMILIES`` of a family without its ranks; its growth over its frequency; if it is heard."""
+    ended = members[members.outcome.str.startswith((*HEARD, GIVES_WAY))]
+    first = ended.drop_duplicates(["sample", "mode"])
+    heard = first[first.outcome.str.startswith(HEARD)]
+    level = heard.level_1m_db.quantile([0.05, 0.5, 0.95])
+    words = [text.partition(":")[0] for text in first.outcome[::-1]]
+    words += ["no end"] * int(members.outcome.str.startswith("none").sum())
+    outcomes = ", ".join(f"{n} {word}" for word, n in Counter(words).most_common())
+    growth = (2 * members.linear_alpha_1_s / members.linear_frequency_hz).median()
+    return [
+        members.approach.iloc[0], members.family.iloc[0], members.linear_frequency_hz.mean(),
+        members["sample"].nunique(), len(first), *level, heard.disc_mm_s.quantile(),
+        heard.gap_um.quantile(), None, None, outcomes, growth, len(heard) > 0,
+    ]  # fmt: skip

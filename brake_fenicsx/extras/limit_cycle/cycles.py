@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
-from brake_fenicsx.extras.limit_cycle.contact_forces import PeriodForces
-from brake_fenicsx.extras.limit_cycle.sample import Faces, SampleCycles, Settings, cycles_of_modes
-from brake_fenicsx.extras.limit_cycle.sound import nodes_of
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.samples.models import Models
 from brake_fenicsx.samples.sampling import friction_law
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import PERFECT
 from brake_fenicsx.stability.modes import Modes
+
+from .contact_forces import PeriodForces
+from .sample import SampleCycles
+from .sound import nodes_of
 
 if TYPE_CHECKING:
     from brake_fenicsx.model import Model
@@ -30,16 +31,13 @@ class Cycles:
 
     def __init__(self, scene: Scene, models: Models):
         """Gather the faces whose motion is measured."""
-        table, brake = scene.section("limit_cycle"), models.brake
+        brake, self._table = models.brake, scene.section("limit_cycle")
         pairs = [contact.faces for contact in scene.contact.values()]
-        disc = table.radiating or tuple(dict.fromkeys(faces[1] for faces in pairs))
+        disc = self._table.radiating or tuple(dict.fromkeys(faces[1] for faces in pairs))
         pads = tuple(dict.fromkeys(faces[0] for faces in pairs))
         nodes = partial(nodes_of, brake.mesh, brake.elastic.free)
-        self._scene, self._models, self._faces = scene, models, Faces(nodes(disc), nodes(pads))
-        threshold = models.stability.threshold if models.stability else 0.0
-        self._settings = Settings(
-            table.harmonics, table.points, table.largest, table.damping_below, threshold
-        )
+        self._scene, self._models, self._faces = scene, models, (nodes(disc), nodes(pads))
+        self._threshold = models.stability.threshold if models.stability else 0.0
 
     def of(
         self,
@@ -49,7 +47,7 @@ class Cycles:
         partner: NDArray[np.intp],
         reduced: bool,
     ) -> dict[str, Any]:
-        """Limit cycles of a sample's growing modes, as arrays to store; see ``cycles_of_modes``.
+        """Limit cycles of a sample's growing modes; see ``SampleCycles.arrays``.
 
         Args:
             sample: its inputs.
@@ -63,25 +61,26 @@ class Cycles:
         """
         if not reduced:
             raise InaccurateResult("a sample at full order has none: they are of the reduced model")
-        cycles, slip = self.sample(sample, eq), sample.brake.contact.T
-        return cycles_of_modes(cycles, modes, self._settings, self._faces, slip)
+        return self.sample(sample, eq).arrays(modes, self._table, self._threshold)
 
     def sample(self, sample: SampleInput, eq: Equilibrium) -> SampleCycles:
         """The equations of a sample; arguments as above."""
         reduction, scene, approach = self._models.reduction, self._scene, sample.approach
-        model, interface = reduction.of(sample), sample.brake.contact.interface
-        tables = list(scene.contact.items())
+        model, contact = reduction.of(sample), sample.brake.contact
         hard = scene.micro is not None and scene.micro.hardness is not None
         yields = np.array([
-            hard and table.law == "library" and approach not in PERFECT for _, table in tables
+            hard and table.law == "library" and approach not in PERFECT
+            for table in scene.contact.values()
         ])  # fmt: skip
-        followed, given = model.rows.followed, (sample.brake.contact, approach, sample.values)
+        followed = model.rows.followed
+        law = friction_law(contact, approach, sample.values) if "T" in followed else None
         forces = PeriodForces(
-            sample.laws, yields[interface], sample.brake.contact.w, eq.g, sample.friction,
-            followed, friction_law(*given) if "T" in followed else None,
-        )  # fmt: skip
+            sample.laws, yields[contact.interface], contact.w, eq.g, sample.friction, followed, law
+        )
         damped = reduction.damped(approach)
-        return SampleCycles(model, sample.brake.point, forces, eq.p > 0, damped)
+        return SampleCycles(
+            model, sample.brake.point, forces, eq.p > 0, damped, self._faces, contact.T
+        )
 
 
 def limit_cycles(
@@ -110,8 +109,8 @@ def limit_cycles(
     found = model.work_beside("limit cycles", values, approach, sample)
     points = np.array([found["branch_amplitude"], found["branch_s"]])
     rows = zip(found["cycle_mode"], found["cycle_kind"], found["cycle_values"], strict=True)
-    names = ("mode", "outcome", "branch", *map(str, found["cycle_names"]))
-    branch = {i: points[:, found["branch_mode"] == i] for i in found["cycle_mode"]}
     return [
-        dict(zip(names, (int(i), str(kind), branch[i], *row), strict=True)) for i, kind, row in rows
+        {"mode": int(i), "outcome": str(kind), "branch": points[:, found["branch_mode"] == i]}
+        | dict(zip(map(str, found["cycle_names"]), row, strict=True))
+        for i, kind, row in rows
     ]

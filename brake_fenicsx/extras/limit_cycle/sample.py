@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
@@ -13,12 +14,12 @@ from brake_fenicsx.folder.log import logger
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures import ReducedModel
 
-from .bodies import Array
+from .bodies import Array, reduced_bodies
 from .contact_forces import PeriodForces
 from .floquet import UNDECIDED, exponents, verdict
 from .growth import STABLE, UNDAMPED, Cycle, GrowthBranch, follow, time_to_reach
 from .harmonic_balance import HarmonicBalance
-from .reduced_bodies import reduced_bodies
+from .keys import LimitCycle
 from .sound import AT_ONE_METRE, Nodes, decibels, sound_power
 
 # Largest first motion of a closed patch, over its pressure by stiffness.
@@ -42,33 +43,6 @@ HEARD = (STABLE, UNDECIDED, UNDAMPED)
 
 
 @dataclass(frozen=True, slots=True)
-class Faces:
-    """Nodes of faces: of the disc, which radiate, and of the pads."""
-
-    disc: Nodes
-    pads: Nodes
-
-
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """How limit cycles are computed.
-
-    Attributes:
-        harmonics: beside the mean.
-        points: of time over a period.
-        largest: amplitude at which to end [m].
-        damping_below: modes of a damping below this are followed; 0: those that grow.
-        threshold: modes grow whose damping lies below minus this.
-    """
-
-    harmonics: int
-    points: int
-    largest: float
-    damping_below: float = 0.0
-    threshold: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
 class SampleCycles:
     """The limit cycles of a sample.
 
@@ -78,6 +52,8 @@ class SampleCycles:
         forces: of all contact elements.
         closed: whether each is closed at equilibrium, and carries.
         damped: whether anything is damped.
+        faces: nodes whose motion is measured: of the disc, which radiate, and of the pads.
+        slip: slip of the elements along the sliding direction, shape (elements, dofs).
     """
 
     model: ReducedModel
@@ -85,6 +61,8 @@ class SampleCycles:
     forces: PeriodForces
     closed: NDArray[np.bool_]
     damped: bool
+    faces: tuple[Nodes, Nodes]
+    slip: sp.csr_matrix
 
     def branch(
         self, problem: HarmonicBalance, s: complex, a: NDArray[Any], largest: float
@@ -106,25 +84,23 @@ class SampleCycles:
         start = problem.start(s, a, y, START * float(share.min()) * problem.size(y))
         return follow(problem, start, largest, self.damped)
 
-    def problem(self, settings: Settings) -> HarmonicBalance:
-        """Harmonic balance of the sample."""
+    def problem(self, harmonics: int, points: int) -> HarmonicBalance:
+        """Harmonic balance of the sample.
+
+        Args:
+            harmonics: beside the mean.
+            points: of time over a period.
+        """
         weights = np.zeros(len(self.forces.followed) * self.closed.size)
         own = self.forces.w * self.closed
         weights[: own.size] = own / own.sum()
-        loss = 0.0 if self.damped else LOSS
         bodies = reduced_bodies(self.model, self.p, self.forces.friction.mu)
-        return HarmonicBalance(
-            bodies, self.forces, weights, settings.harmonics, settings.points, loss
-        )
+        loss = 0.0 if self.damped else LOSS
+        return HarmonicBalance(bodies, self.forces, weights, harmonics, points, loss)
 
     def measured(
-        self,
-        problem: HarmonicBalance,
-        cycle: Cycle,
-        branch: GrowthBranch,
-        faces: Faces,
-        slip: Any,
-    ) -> list[float]:
+        self, problem: HarmonicBalance, cycle: Cycle, branch: GrowthBranch
+    ) -> dict[str, float]:
         """``MEASURES`` of a cycle."""
         forces, at, omega = self.forces, cycle.at, cycle.at.s.imag
         gap = problem.over_time(at.y[: self.closed.size])
@@ -133,81 +109,75 @@ class SampleCycles:
         yields = forces.yields & (gap.min(axis=1) < 0) & (forces.g + gap.min(axis=1) < touch)
         u = self.model.kept_displacements(at.a)
         numbers = []
-        for nodes in (faces.disc, faces.pads):
+        for nodes in self.faces:
             moved = nodes.displacement(u)
-            for x in (moved * [0.0, *np.ones(at.y.shape[1] - 1)], moved * at.lam):
+            for x in (1e6 * moved * [0.0, *np.ones(at.y.shape[1] - 1)], 1e3 * moved * at.lam):
                 each = problem.over_time(x.reshape(-1, x.shape[2])).reshape(*x.shape[:2], -1)
                 # A body without a kept mode moves by its local compliance alone: no number.
                 numbers.append(float(np.linalg.norm(each, axis=1).max(initial=0.0)) or np.nan)
-        rate = np.abs(problem.over_time(slip @ (u * at.lam))).max(axis=1)
+        rate = np.abs(problem.over_time(self.slip @ (u * at.lam))).max(axis=1)
         moving = (forces.friction.speed > 0) & self.closed
         ratio = (rate[moving] / forces.friction.speed[moving]).max(initial=0.0)
-        level = decibels(sound_power(faces.disc, u, omega))
+        level = decibels(sound_power(self.faces[0], u, omega))
         last = np.linalg.norm(at.y[:, -1]) / np.linalg.norm(at.y[:, 1])
         mu = exponents(problem, at) if cycle.kind == STABLE else np.full(2, np.nan + 0j)
         largest = mu[1 + np.argmax(mu[1:].real)]
-        return [
+        values = (
             1e6 * at.amplitude, 0.5e6 * float(np.ptp(gap, axis=1).max()), omega / (2 * np.pi),
-            1e6 * numbers[0], 1e3 * numbers[1], 1e6 * numbers[2], 1e3 * numbers[3],
-            float(opens.sum() / self.closed.sum()), float(yields.sum() / self.closed.sum()),
-            float(ratio), time_to_reach(branch, cycle), level, level + AT_ONE_METRE, float(last),
-            largest.real, abs(mu[0].real), largest.imag / (2 * np.pi),
-        ]  # fmt: skip
+            *numbers, float(opens.sum() / self.closed.sum()),
+            float(yields.sum() / self.closed.sum()), float(ratio), time_to_reach(branch, cycle),
+            level, level + AT_ONE_METRE, float(last), largest.real, abs(mu[0].real),
+            largest.imag / (2 * np.pi),
+        )  # fmt: skip
+        return dict(zip(MEASURES, values, strict=True))
 
+    def arrays(self, modes: Modes, settings: LimitCycle, threshold: float) -> dict[str, Any]:
+        """Limit cycles of the growing modes, each alone, as arrays to store.
 
-def cycles_of_modes(
-    cycles: SampleCycles, modes: Modes, settings: Settings, faces: Faces, slip: Any
-) -> dict[str, Any]:
-    """Limit cycles of the growing modes of a sample, each alone, as arrays to store.
+        Args:
+            modes: by the reduced model.
+            settings: the section of the scene.
+            threshold: modes grow whose damping lies below minus this.
 
-    Args:
-        cycles: the sample.
-        modes: its modes by the reduced model.
-        settings: how.
-        faces: where motion and sound are measured.
-        slip: slip of the elements along the sliding direction, shape (elements, dofs).
-
-    Returns:
-        ``cycle_mode``, ``cycle_kind``, ``cycle_values``, shape (cycles, measures), the names of
-        these, ``cycle_names``; of the branches ``branch_mode``, ``branch_amplitude`` [m] and
-        ``branch_s`` [1/s], point by point.
-        A mode whose growth does not end has a row of the kind "none" with what ended it.
-    """
-    problem: HarmonicBalance | None = None
-    rows: list[tuple[int, str, list[float]]] = []
-    points: list[tuple[int, float, complex]] = []
-    nothing = [float("nan")] * len(MEASURES)
-    grows = (np.array(modes.verdict, str) == "unstable") & (modes.damping < -settings.threshold)
-    # damping_below = 0: only the modes that grow beyond the threshold.
-    chosen = (modes.s.imag > 0) & (grows | (modes.damping < (settings.damping_below or -np.inf)))
-    for i in np.flatnonzero(chosen):
-        problem = problem or cycles.problem(settings)
-        try:
-            branch = cycles.branch(problem, modes.s[i], modes.right[:, i], settings.largest)
-        except NotConverged as error:
-            logger.warning("mode %d: %s", i, error)
-            rows.append((int(i), "none: failed", nothing))
-            continue
-        points += [(int(i), *point) for point in zip(branch.amplitude, branch.s, strict=True)]
-        for cycle in branch.cycles:
-            values = cycles.measured(problem, cycle, branch, faces, slip)
-            outcome = cycle.kind
-            if outcome == STABLE:
-                outcome = verdict(values[-3], values[-2], values[-1] / values[2])
-            if not outcome.startswith(HEARD):
-                values = [
-                    np.nan if n in SOUND else v for n, v in zip(MEASURES, values, strict=True)
-                ]
-            rows.append((int(i), outcome, values))
-        if grows[i] and not any(cycle.kind in (STABLE, UNDAMPED) for cycle in branch.cycles):
-            rows.append((int(i), f"none: {branch.end}", nothing))
-    number, amplitude, s = zip(*points, strict=True) if points else ((), (), ())
-    return {
-        "cycle_mode": np.array([row[0] for row in rows], dtype=np.intp),
-        "cycle_kind": np.array([row[1] for row in rows], dtype=str),
-        "cycle_values": np.array([row[2] for row in rows]).reshape(-1, len(MEASURES)),
-        "cycle_names": np.array(MEASURES),
-        "branch_mode": np.array(number, dtype=np.intp),
-        "branch_amplitude": np.array(amplitude, dtype=float),
-        "branch_s": np.array(s, dtype=complex),
-    }
+        Returns:
+            ``cycle_mode``, ``cycle_kind``, ``cycle_values``, shape (cycles, measures), the names of
+            these, ``cycle_names``; of the branches ``branch_mode``, ``branch_amplitude`` [m] and
+            ``branch_s`` [1/s], point by point.
+            A mode whose growth does not end has a row of the kind "none" with what ended it.
+        """
+        problem: HarmonicBalance | None = None
+        rows: list[tuple[int, str, dict[str, float]]] = []
+        points: list[tuple[int, float, complex]] = []
+        nothing = dict.fromkeys(MEASURES, float("nan"))
+        grows = (np.array(modes.verdict, str) == "unstable") & (modes.damping < -threshold)
+        # damping_below = 0: only the modes that grow beyond the threshold.
+        more = modes.damping < (settings.damping_below or -np.inf)
+        for i in map(int, np.flatnonzero((modes.s.imag > 0) & (grows | more))):
+            problem = problem or self.problem(settings.harmonics, settings.points)
+            try:
+                branch = self.branch(problem, modes.s[i], modes.right[:, i], settings.largest)
+            except NotConverged as error:
+                logger.warning("mode %d: %s", i, error)
+                rows.append((i, "none: failed", nothing))
+                continue
+            points += [(i, *point) for point in zip(branch.amplitude, branch.s, strict=True)]
+            for cycle in branch.cycles:
+                values, outcome = self.measured(problem, cycle, branch), cycle.kind
+                if outcome == STABLE:
+                    growth, error = values["exponent_1_s"], values["exponent_error_1_s"]
+                    outcome = verdict(growth, error, values["exponent_hz"] / values["frequency_hz"])
+                if not outcome.startswith(HEARD):
+                    values |= dict.fromkeys(SOUND, float("nan"))
+                rows.append((i, outcome, values))
+            if grows[i] and not any(cycle.kind in (STABLE, UNDAMPED) for cycle in branch.cycles):
+                rows.append((i, f"none: {branch.end}", nothing))
+        number, amplitude, s = zip(*points, strict=True) if points else ((), (), ())
+        numbers = np.array([[*row[2].values()] for row in rows]).reshape(-1, len(MEASURES))
+        return {
+            "cycle_mode": np.array([row[0] for row in rows], dtype=np.intp),
+            "cycle_kind": np.array([row[1] for row in rows], dtype=str),
+            "cycle_values": numbers, "cycle_names": np.array(MEASURES),
+            "branch_mode": np.array(number, dtype=np.intp),
+            "branch_amplitude": np.array(amplitude, dtype=float),
+            "branch_s": np.array(s, dtype=complex),
+        }  # fmt: skip

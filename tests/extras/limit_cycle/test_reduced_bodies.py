@@ -5,7 +5,7 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from brake_fenicsx.extras.limit_cycle.reduced_bodies import reduced_bodies
+from brake_fenicsx.extras.limit_cycle.bodies import reduced_bodies
 from reduced_samples import HIGH, damping, followed, offline
 
 MU = 0.4

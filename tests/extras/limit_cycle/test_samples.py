@@ -8,7 +8,6 @@ import pytest
 from brake_fenicsx import prepare
 from brake_fenicsx.extras.limit_cycle.floquet import exponents, verdict
 from brake_fenicsx.extras.limit_cycle.growth import STABLE
-from brake_fenicsx.extras.limit_cycle.sample import Settings
 from time_steps import TimeSteps, measured
 
 SCENES = Path(__file__).parents[3] / "scripts" / "scenes"
@@ -66,10 +65,9 @@ def cycle_and_steps(scene, k, share, seconds, start):
         start: their first amplitude over that of the cycle.
     """
     study, sample, eq, modes, mode = squealing(scene, k, share)
-    settings = Settings(9, 64, 20e-6)
     cycles = study.beside["limit cycles"].sample(sample, eq)
-    problem = cycles.problem(settings)
-    branch = cycles.branch(problem, modes.s[mode], modes.right[:, mode], settings.largest)
+    problem = cycles.problem(9, 64)
+    branch = cycles.branch(problem, modes.s[mode], modes.right[:, mode], 20e-6)
     # The branch begins at the linear mode.
     assert branch.s[0] == pytest.approx(modes.s[mode], rel=1e-3)
     at = branch.cycles[0].at
@@ -110,9 +108,8 @@ def test_a_branch_through_resonances_of_higher_harmonics(size, k, share):
     """Little damping: harmonics meet modes on the way, and the branch turns; it is not lost."""
     scene = BLOCK[0], [*BLOCK[1], f"parts.block.size='{size}'"], np.inf
     study, sample, eq, modes, mode = squealing(scene, k, share)
-    cycles, settings = study.beside["limit cycles"].sample(sample, eq), Settings(5, 32, 20e-6)
-    problem = cycles.problem(settings)
-    branch = cycles.branch(problem, modes.s[mode], modes.right[:, mode], settings.largest)
+    cycles = study.beside["limit cycles"].sample(sample, eq)
+    branch = cycles.branch(cycles.problem(5, 32), modes.s[mode], modes.right[:, mode], 20e-6)
     assert branch.cycles[0].kind == STABLE
     # Near a cycle the branch passes from growth to decay.
     a, alpha = branch.amplitude, branch.s.real
