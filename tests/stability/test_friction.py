@@ -126,9 +126,9 @@ def test_a_wrong_number_of_modes_is_noticed(two_blocks, monkeypatch, change):
 
 
 @pytest.mark.hard
-@pytest.mark.parametrize("beyond", [100, 400])
+@pytest.mark.parametrize("beyond", [300, 1000])
 def test_many_modes_beyond_the_band(beyond):
-    """Hundreds of modes just beyond the band, coupled by friction: the count is the truth."""
+    """Up to a thousand modes just beyond the band, coupled by friction: the count is the truth."""
     for seed in range(3):
         rng = np.random.default_rng(seed)
         kappa = np.sort(np.r_[rng.uniform(0.01, 1.0, 20), rng.uniform(1.05, 2.5, beyond)])
