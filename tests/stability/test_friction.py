@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.stability import complex_modes, contact_interface
 from brake_fenicsx.stability.eigen import tangent
-from brake_fenicsx.stability.full import interface, unsymmetric
+from brake_fenicsx.stability.full import dense, interface, unsymmetric
 from brake_fenicsx.stability.full.interface import Interface, difference_interface
 from dense_reference import agrees, all_lambda
 
@@ -183,3 +183,11 @@ def test_an_indefinite_symmetric_half_names_the_remedy(two_blocks, damping):
         agrees(alone, all_lambda(K, scene.M), BAND, rigid=0.0)
     assert len(alone) == len(helped)
     assert np.all(np.abs(alone.s - helped.s) <= alone.error + helped.error)
+
+
+def test_small_matrices_are_counted_by_their_own_determinant():
+    """Two dofs past the onset of flutter."""
+    K = sp.csr_matrix(np.array([[1.1, 0.3], [-0.3, 0.9]]))
+    m = complex_modes(sp.identity(2, format="csr"), None, K, (0.0, 1.0), zeta_max=0.2)
+    assert m.count.how.startswith("winding number of det(") and m.count.expected == 2
+    assert dense.DENSE >= 2

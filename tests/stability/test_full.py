@@ -198,6 +198,14 @@ def test_random_friction_against_dense(seed):
     assert np.linalg.norm(left, axis=1).max() < 1e-6 * np.linalg.norm(found.left.conj().T @ K)
 
 
+def test_target_exactly_on_an_eigenvalue():
+    """The middle of the band is a mode: the shift must not divide by zero."""
+    K = sp.diags(np.array([1.0, 2.0, 3.0, 4.0, 5.0])).tocsr()
+    low, high = np.sqrt([1.0, 5.0]) / (2 * np.pi)
+    m = complex_modes(sp.identity(5, format="csr"), None, K, (0.99 * low, 1.01 * high))
+    np.testing.assert_allclose(m.s.imag, np.sqrt([1, 2, 3, 4, 5]), rtol=1e-9)
+
+
 def test_a_lost_mode_is_noticed(monkeypatch):
     """The inertia count is compared with what block Lanczos found."""
     lowest = symmetric.lowest_modes

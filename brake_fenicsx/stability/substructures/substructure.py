@@ -138,16 +138,14 @@ class Substructure:
         mean = np.average(zeta, weights=[part.mass.sum() for part in self.ratios])
         return float(mean) * np.array([2 * omega, 1 / (4 * omega)])
 
-    @property
-    def square(self) -> dict[str, sp.csr_matrix]:
-        """Its matrices by name: "K", "M", "C" where it has damping, "change0", ..."""
-        own = {"K": self.K, "M": self.M, **{f"change{j}": A for j, A in self.changes.items()}}
-        return own if self.C is None else own | {"C": self.C}
-
     def arrays(self) -> dict[str, NDArray[Any]]:
         """What ``from_arrays`` makes the body of again; coordinates are left out."""
+        matrices = {"K": self.K, "M": self.M, **self.interface}
+        matrices |= {f"change{j}": A for j, A in self.changes.items()}
+        if self.C is not None:
+            matrices["C"] = self.C
         out = {"dofs": self.dofs, "elements": self.elements, "loads": self.loads}
-        for name, A in {**self.square, **self.interface}.items():
+        for name, A in matrices.items():
             A.sort_indices()
             out |= {f"{name}.{part}": getattr(A, part) for part in CSR}
         return out
@@ -161,11 +159,16 @@ class Substructure:
             parts = tuple(arrays[f"{name}.{part}"] for part in CSR)
             return sp.csr_matrix(parts, shape=(parts[2].size - 1, columns))
 
-        named = [name[: -len(".data")] for name in arrays if name.endswith(".data")]
+        numbers = [
+            int(name[6:-5])
+            for name in arrays
+            if name.startswith("change") and name.endswith(".data")
+        ]
         return cls(
             arrays["dofs"], arrays["elements"], matrix("K"), matrix("M"),
-            matrix("C") if "C" in named else None, {n: matrix(n) for n in "NTR" if n in named},
-            arrays["loads"], {int(n[6:]): matrix(n) for n in named if n.startswith("change")},
+            matrix("C") if "C.data" in arrays else None,
+            {name: matrix(name) for name in "NTR" if f"{name}.data" in arrays}, arrays["loads"],
+            {j: matrix(f"change{j}") for j in numbers},
         )  # fmt: skip
 
 
@@ -196,7 +199,7 @@ def split_substructures(
     Raises:
         InaccurateResult: the bodies are not all of the brake.
     """
-    square = {"K": K, "M": M, **{f"change{j}": A for j, A in enumerate(changes)}}
+    square = {"K": K, "M": M, **{f"change {j}": A for j, A in enumerate(changes)}}
     square |= {} if C is None else {"C": C}
     count, label = connected_components(sum(map(abs, square.values())), directed=False)
     M = M.copy()
@@ -228,19 +231,30 @@ def split_substructures(
                 None if points is None else points[dofs],
             )
         )  # fmt: skip
-    _check_whole({**square, **interface}, found)
+    _check_whole(square, interface, found)
     return found
 
 
-def _check_whole(matrices: Mapping[str, sp.csr_matrix], bodies: Sequence[Substructure]) -> None:
+def _check_whole(
+    square: Mapping[str, sp.csr_matrix],
+    interface: Mapping[str, sp.csr_matrix],
+    bodies: Sequence[Substructure],
+) -> None:
     """Refuse bodies that leave out a part of a matrix of the brake.
 
     Raises:
         InaccurateResult: the matrix, and how much of it lies outside of the bodies.
     """
-    held = [{**body.square, **body.interface} for body in bodies]
-    for name, A in matrices.items():
-        whole, kept = abs(A).sum(), sum(abs(body[name]).sum() for body in held if name in body)
+    held = {
+        "K": [b.K for b in bodies], "M": [b.M for b in bodies],
+        "C": [b.C for b in bodies if b.C is not None],
+        **{name: [b.interface[name] for b in bodies] for name in interface},
+    }  # fmt: skip
+    for name, A in {**square, **interface}.items():
+        blocks = held.get(name) or [
+            b.changes[j] for b in bodies for j in b.changes if name == f"change {j}"
+        ]
+        whole, kept = abs(A).sum(), sum(abs(block).sum() for block in blocks)
         if not abs(whole - kept) <= SAME_ENTRY * whole:
             raise InaccurateResult(
                 f"substructures: {whole - kept:.3g} of {whole:.3g}, the sum of the entries of"
@@ -273,7 +287,9 @@ def mirror_image(original: Substructure, other: Substructure) -> MirrorImage | N
         original: the first body.
         other: the second one.
     """
-    sizes = [(b.K.shape, b.elements.size, b.loads.shape) for b in (original, other)]
+    sizes = [
+        (b.K.shape, b.elements.size, b.loads.shape, sorted(b.changes)) for b in (original, other)
+    ]
     first, second = original.points, other.points
     if sizes[0] != sizes[1] or first is None or second is None:
         return None
@@ -321,11 +337,15 @@ def _reordered(
     def square(A: sp.csr_matrix) -> sp.csr_matrix:
         return (turn @ A[dofs][:, dofs] @ turn).tocsr()
 
-    theirs = other.square
-    if original.square.keys() != theirs.keys() or not _same_ratios(original.ratios, other.ratios):
+    if (original.C is None) != (other.C is None):
         return None
-    pairs = [(A, theirs[name]) for name, A in original.square.items()]
+    if not _same_ratios(original.ratios, other.ratios):
+        return None
+    pairs = [(original.K, other.K), (original.M, other.M)]
     pairs += [(a.mass, b.mass) for a, b in zip(original.ratios, other.ratios, strict=True)]
+    pairs += [(A, other.changes[j]) for j, A in original.changes.items()]
+    if original.C is not None and other.C is not None:
+        pairs.append((original.C, other.C))
     if not all(same(A, square(B)) for A, B in pairs):
         return None
     rows = {name: (A[:, dofs] @ turn).tocsr() for name, A in other.interface.items()}
