@@ -2,7 +2,7 @@
 
 Undamped, the problem is K phi = kappa M phi with kappa = -lambda^2, in real arithmetic:
 
-- up to 300 dofs: dense; counted by inertia, or by the winding number of a determinant;
+- up to 300 dofs: dense; counted by inertia, or by the winding number of det(K - kappa M);
 - symmetric K: block Lanczos, complete by inertia;
 - K_s plus friction: block Arnoldi from either side; where friction is of low rank, the modes of a
   region around the band are counted by ``reduced_count``.
@@ -99,9 +99,9 @@ def complex_modes(
     problem = _problem(K, M, frictionless, friction)
     if C is not None:
         return damped_modes(problem, whole(C), band, tolerance, zeta_max, counted, comm)
-    high = (2 * np.pi * band[1]) ** 2
+    low, high = ((2 * np.pi * f) ** 2 for f in band)
     if problem.K.shape[0] <= DENSE:
-        found = small_modes(problem, high, zeta_max)
+        found = small_modes(problem, low, high, zeta_max)
     elif problem.symmetric:
         found = _symmetric(problem, high)
     else:

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
 
-from .eigensolvers.argument_principle import counted_region
+from .eigensolvers.argument_principle import damped_region
 from .eigensolvers.symmetric import SHIFT, count_below
 from .full.eigenproblem import SplitProblem
 from .modes import Complex, Count
@@ -71,7 +71,7 @@ def counted(
             return p.indefinite
         return Count("not counted", f"{error}; lower the end of the band")
     wide = zeta_max / np.sqrt(1 - zeta_max**2)
-    region = counted_region(np.r_[s, zeros], high, wide)
+    region = damped_region(np.r_[s, zeros], high, wide)
     found, expected = int(region.holds(s).sum()), int(region.holds(zeros).sum())
     if found != expected:
         raise InaccurateResult(f"{found} modes found, the reduced problem has {expected}")

@@ -6,8 +6,10 @@ symmetric about the real axis suffices. Candidates for zeros are divided out fir
 the quotient turns once for every zero that was missed, back once for every candidate that is none,
 and hardly otherwise, so that a few points of the contour settle it.
 
-The region is a rectangle of the plane of lambda, symmetric about the real axis. Its edges lie in
-gaps of the spectrum: an edge that ran through a cluster would split it.
+Regions of the complex plane that hold a band, their edges in gaps of the spectrum.
+
+In kappa = -lambda^2 (undamped) a trapezium, in lambda (damped) a rectangle, both symmetric about
+the real axis. Modes are counted in them; an edge that ran through a cluster would split it.
 """
 
 from __future__ import annotations
@@ -23,7 +25,9 @@ from brake_fenicsx.errors import InaccurateResult
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-
+# The region of kappa may reach beyond the band to a gap of the spectrum, by this share: 5 % in
+# frequency, a few modes of any brake.
+MARGIN = 0.1
 # Eigensolvers search a little further than the region that is counted: its rim may cut a cluster.
 RIM = 1.05
 # Largest turn of the phase from an end of a piece of the contour to its middle [rad]: far from pi,
@@ -32,29 +36,45 @@ TURN = 0.6
 
 
 @dataclass(frozen=True, slots=True)
-class Rectangle:
-    """Region low <= Re z <= high, |Im z| <= top, of lambda [1/s].
+class Trapezium:
+    """Region low <= Re z <= high, |Im z| <= slope Re z + rise, of kappa [1/s^2] or lambda [1/s].
 
     Attributes:
         low: smallest real part.
         high: largest real part.
-        top: largest modulus of the imaginary part.
+        slope: growth of the half height [-].
+        rise: half height at zero.
     """
 
     low: float
     high: float
-    top: float
+    slope: float
+    rise: float
 
     def holds(self, values: NDArray) -> NDArray[np.bool_]:
         """Which of some values lie inside."""
         x, y = values.real, np.abs(values.imag)
-        return np.asarray((x >= self.low) & (x <= self.high) & (y <= self.top))
+        return np.asarray(
+            (x >= self.low) & (x <= self.high) & (y <= self.slope * np.maximum(x, 0) + self.rise)
+        )
 
     def upper_half(self, points: int) -> Complex:
         """Points along the boundary from (high, 0) over the top to (low, 0)."""
-        side = 1j * np.linspace(0, self.top, 4 * points)
-        top = np.linspace(self.high, self.low, points) + 1j * self.top
-        return np.concatenate([self.high + side, top[1:-1], self.low + side[::-1]])
+        right = self.high + 1j * np.linspace(0, self.slope * self.high + self.rise, points)
+        zero = max(self.low, 0.0)
+        # Frequencies are about evenly spread.
+        x = np.linspace(np.sqrt(self.high), np.sqrt(zero), 4 * points) ** 2
+        top = x + 1j * (self.slope * x + self.rise)
+        corner = np.linspace(zero, self.low, points) + 1j * (self.slope * zero + self.rise)
+        left = self.low + 1j * np.linspace(self.slope * zero + self.rise, 0, points)
+        # The edge bends at zero only where the region reaches below it.
+        bend = corner[1:] if self.low < 0 else corner[:0]
+        return np.concatenate([right, top[1:], bend, left[1:]])
+
+
+def opening(zeta: float) -> float:
+    """|Im kappa| / Re kappa of modes of a damping ratio: kappa = -lambda^2 turns twice as far."""
+    return float(np.tan(2 * np.arcsin(zeta)))
 
 
 def widest_gap(values: Array, low: float, high: float) -> float:
@@ -65,7 +85,28 @@ def widest_gap(values: Array, low: float, high: float) -> float:
     return float(0.5 * (marks[widest] + marks[widest + 1]))
 
 
-def counted_region(s: Complex, high: float, wide: float, margin: float = RIM) -> Rectangle:
+def undamped_region(kappa: NDArray, low: float, high: float, zeta_max: float) -> Trapezium:
+    """Region of the plane of kappa that holds every mode of a band up to a damping ratio.
+
+    Args:
+        kappa: eigenvalues in the band and beyond [1/s^2].
+        low: lower end of the band [1/s^2].
+        high: upper end.
+        zeta_max: largest damping ratio looked for.
+    """
+    rise = 1e-3 * high
+    # Smallest Re kappa of modes with omega^2 >= low.
+    wide, least = opening(zeta_max), low * (1 - zeta_max**2 / (1 - zeta_max**2))
+    near = kappa[np.abs(kappa.imag) <= 2 * wide * np.abs(kappa.real) + rise]
+    top = widest_gap(near.real, high, high * (1 + MARGIN))
+    bottom = widest_gap(near.real, least * (1 - MARGIN), least) if low > 0 else -0.02 * high
+    inner = kappa[(kappa.real > bottom) & (kappa.real < top) & (kappa.real > 0)]
+    slopes = (np.abs(inner.imag) - rise) / np.maximum(inner.real, 1e-6 * high)
+    slope = widest_gap(slopes, wide, wide * (1 + MARGIN))
+    return Trapezium(bottom, top, slope, rise)
+
+
+def damped_region(s: Complex, high: float, wide: float, margin: float = RIM) -> Trapezium:
     """Region of the plane of lambda that holds the band.
 
     Args:
@@ -76,15 +117,15 @@ def counted_region(s: Complex, high: float, wide: float, margin: float = RIM) ->
     """
     wide *= high
     inner = s[np.abs(s.real) < margin * wide]
-    return Rectangle(
-        widest_gap(s.real, -margin * wide, -wide), widest_gap(s.real, wide, margin * wide),
+    return Trapezium(
+        widest_gap(s.real, -margin * wide, -wide), widest_gap(s.real, wide, margin * wide), 0.0,
         widest_gap(np.abs(inner.imag), high, margin * high),
     )  # fmt: skip
 
 
 def count_zeros(
     T: Callable[[complex], NDArray],
-    region: Rectangle,
+    region: Trapezium,
     candidates: NDArray,
     points: int = 6,
     most: int = 2000,
@@ -97,7 +138,7 @@ def count_zeros(
         candidates: values taken for zeros; any values are allowed, good ones save work. Those far
             beyond the region belong to them: many zeros there turn the phase by whole turns
             between two points.
-        points: first points along the top; along the sides four times as many.
+        points: first points along the short sides.
         most: evaluations allowed.
 
     Returns:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
-from ..eigensolvers.argument_principle import count_zeros, counted_region
+from ..eigensolvers.argument_principle import count_zeros, damped_region, undamped_region
 from ..eigensolvers.eigenpairs import QuadraticPencil
 from ..eigensolvers.symmetric import SHIFT, count_below
 from ..modes import Count
@@ -29,12 +29,13 @@ DENSE = 300
 MASSLESS = 1e-14
 
 
-def small_modes(p: SplitProblem, high: float, zeta_max: float) -> Found:
+def small_modes(p: SplitProblem, low: float, high: float, zeta_max: float) -> Found:
     """Modes without damping, counted by inertia if K is symmetric, else by the argument principle.
 
     Args:
         p: the problem.
-        high: upper end of the band [1/s^2].
+        low: lower end of the band [1/s^2].
+        high: upper end [1/s^2].
         zeta_max: largest damping ratio looked for.
 
     Raises:
@@ -45,8 +46,12 @@ def small_modes(p: SplitProblem, high: float, zeta_max: float) -> Found:
         expected, at = count_below(p.K, p.M, high)
         agree(int(np.sum(kappa.real < at)), expected, high, "inertia")
         return Found(kappa, right, left, Count("proven", "inertia of K - kappa M"))
-    pencil, s = QuadraticPencil(p.M, None, p.K), np.sqrt(-kappa)
-    return Found(kappa, right, left, counted_quadratic(pencil, np.r_[s, -s], high**0.5, zeta_max))
+    K, M = p.K.toarray(), p.M.toarray()
+    region = undamped_region(kappa, low, high, zeta_max)
+    expected = count_zeros(lambda z: K - z * M, region, kappa)
+    agree(int(region.holds(kappa).sum()), expected, high, "the winding number")
+    counting = Count("proven", "winding number of det(K - kappa M)")
+    return Found(kappa, right, left, counting)
 
 
 def dense_modes(p: SplitProblem, high: float) -> tuple[Complex, Complex, Complex]:
@@ -112,7 +117,7 @@ def counted_quadratic(p: QuadraticPencil, s: Complex, high: float, zeta_max: flo
     """Compare with the turns of det(lambda^2 M + lambda C + K) around |omega| <= high.
 
     Args:
-        p: the problem.
+        p: the problem, with damping.
         s: all its eigenvalues [1/s].
         high: omega of the band's end [rad/s].
         zeta_max: largest damping ratio looked for.
@@ -123,9 +128,8 @@ def counted_quadratic(p: QuadraticPencil, s: Complex, high: float, zeta_max: flo
     Raises:
         InaccurateResult: the numbers differ.
     """
-    region = counted_region(s, high, 2 * zeta_max, 1.1)
-    M, K = (sp.csr_matrix(A).toarray() for A in (p.M, p.K))
-    C = np.zeros(K.shape) if p.C is None else sp.csr_matrix(p.C).toarray()
+    region = damped_region(s, high, 2 * zeta_max, 1.1)
+    M, C, K = (sp.csr_matrix(A).toarray() for A in (p.M, p.C, p.K))
     scale = np.abs(K).max()
     counted = count_zeros(lambda z: (z**2 * M + z * C + K) / scale, region, s)
     agree(int(region.holds(s).sum()), counted, high**2, "the winding number")
