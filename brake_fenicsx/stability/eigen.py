@@ -4,11 +4,12 @@ Undamped, the problem is K phi = kappa M phi with kappa = -lambda^2, in real ari
 
 - up to 300 dofs: dense; counted by inertia, or by the winding number of det(K - kappa M);
 - symmetric K: block Lanczos, complete by inertia;
-- K_s plus friction: block Arnoldi from either side; where friction is of low rank, the modes of a
-  region around the band are counted by ``reduced_count``.
+- K_s plus friction of low rank: block Arnoldi from either side; inertia of K_s and the winding
+  number of a determinant on the contact interface count the modes of a region around the band;
+- anything else: SLEPc, and the record says that nothing was counted.
 
-Damped problems are those of ``full.damped``. Processes may share the work: right and left vectors,
-and the factors of the count.
+Damped problems are those of ``full.damped``. Two processes may share the work: right and left
+vectors, the modes without friction and the moments of the interface, two halves of the proof.
 """
 
 from __future__ import annotations
@@ -25,16 +26,16 @@ from brake_fenicsx.arguments import frequency_band
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.macro.solver import whole, with_interface
 
+from .damped_count import counted
 from .eigensolvers.arnoldi import times
 from .eigensolvers.eigenpairs import ROUND_OFF, QuadraticPencil, paired, residuals, undamped_errors
 from .eigensolvers.symmetric import LARGEST_SHIFT, shifted_factor, symmetric_modes
 from .full.damped import damped_modes
 from .full.dense import DENSE, small_modes
 from .full.eigenproblem import Found, SplitProblem
+from .full.friction_modes import friction_modes
 from .full.interface import Interface, difference_interface
-from .full.unsymmetric import unsymmetric_modes
 from .modes import Array, Count, Modes, counted_rows, undamped_rows
-from .reduced_count import counted
 
 
 def tangent(
@@ -83,8 +84,8 @@ def complex_modes(
             None.
         friction: K - frictionless by contact elements, see ``contact_interface``; found from the
             matrices if None, which takes longer.
-        comm: processes that call together with the same problem and share the work; each solves it
-            for itself if not given.
+        comm: processes that call together with the same problem, of which two share the work; each
+            solves it for itself if not given.
 
     Returns:
         The modes, sorted by frequency, one of each conjugate pair.
@@ -100,14 +101,17 @@ def complex_modes(
     if C is not None:
         return damped_modes(problem, whole(C), band, tolerance, zeta_max, counted, comm)
     low, high = ((2 * np.pi * f) ** 2 for f in band)
+    found = None
     if problem.K.shape[0] <= DENSE:
         found = small_modes(problem, low, high, zeta_max)
     elif problem.symmetric:
         found = _symmetric(problem, high)
-    else:
-        kappa, right, left = unsymmetric_modes(problem, high, zeta_max, comm)
-        count = counted(problem, None, np.sqrt(-kappa), np.sqrt(high), zeta_max, comm)
-        found = Found(kappa, right, left, count)
+    elif problem.friction is not None:
+        found = friction_modes(problem, problem.friction, low, high, zeta_max, comm)
+    if found is None:
+        from .full.krylov_schur import general_modes  # SLEPc, which the others do without
+
+        found = general_modes(problem, high, zeta_max, 1e-2 * tolerance)
     return _record(problem, found, band, tolerance, zeta_max, start)
 
 
@@ -145,10 +149,11 @@ def _symmetric(p: SplitProblem, high: float) -> Found:
             "the stiffness is not positive semi-definite: eigenvalues kappa = -lambda^2 below"
             f" {-LARGEST_SHIFT * high:.2g} 1/s^2; look for a negative spring"
         )
-    Phi, kappa = symmetric_modes(p.K, p.M, *shifted, high)
+    modes = symmetric_modes(p.K, p.M, *shifted, high)
     shifted[0].destroy()
-    shapes, count = Phi.astype(complex), Count("proven", "inertia of K - kappa M")
-    return Found(kappa.astype(complex), shapes, shapes, count)
+    shapes = modes.Phi.astype(complex)
+    counting = Count("proven", "inertia of K - kappa M")
+    return Found(modes.kappa.astype(complex), shapes, shapes, counting)
 
 
 def _record(

@@ -33,7 +33,7 @@ RIGID_BELOW = 1e-3
 NEAR_ZERO, SAME_SHAPE = 1e-4, 1e-4
 
 
-CountKind = Literal["proven", "not counted"]
+CountKind = Literal["proven", "counted", "not counted"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,8 @@ class Count:
     """What is known of the number of modes.
 
     Attributes:
-        kind: "proven": the number found is that of a count; "not counted".
+        kind: "proven": the number found is that of a count whose own condition holds; "counted":
+            it is that of a count whose condition does not hold; "not counted".
         how: by what they were counted, or why not, and the modes beyond the damping ratios counted;
             nothing is decided by these words.
         expected: modes of the band, after what was found agreed with what was counted.

@@ -1,4 +1,4 @@
-"""Full order with friction: Arnoldi from either side, and the count of its modes."""
+"""Full order with friction: Arnoldi from either side, and the count on the interface."""
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -11,9 +11,31 @@ import scipy.sparse as sp
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.stability import complex_modes, contact_interface
 from brake_fenicsx.stability.eigen import tangent
-from brake_fenicsx.stability.full import dense, interface, unsymmetric
-from brake_fenicsx.stability.full.interface import Interface, difference_interface
-from dense_reference import agrees, all_lambda
+from brake_fenicsx.stability.eigensolvers.argument_principle import Trapezium
+from brake_fenicsx.stability.eigensolvers.symmetric import (
+    complete,
+    count_below,
+    modes_not_counted,
+    shifted_factor,
+)
+from brake_fenicsx.stability.full import (
+    dense,
+    interface,
+    interface_count,
+)
+from brake_fenicsx.stability.full import (
+    friction_modes as friction,
+)
+from brake_fenicsx.stability.full.friction_modes import FRICTIONLESS
+from brake_fenicsx.stability.full.interface import difference_interface
+from brake_fenicsx.stability.full.interface_count import (
+    Determinant,
+    InterfaceModes,
+    at_interface,
+    below,
+    prove,
+)
+from dense_reference import agrees, all_kappa, all_lambda
 
 BAND = (0.0, 90e3)
 K0 = 3e11
@@ -50,9 +72,8 @@ def test_all_modes_of_two_blocks(two_blocks, mu):
         m = complex_modes(scene.M, None, K, BAND, **given)
         agrees(m, exact, BAND, rigid=0.0)
         if given:
-            assert (
-                m.count.how.startswith("inertia without friction") and m.count.kind == "proven"
-            ), m.count.how
+            assert m.count.how.startswith("inertia without friction, winding number")
+            assert m.count.kind == "proven", m.count.how
         assert np.all(m.residual < 1e-9)
     kappa, psi = -(m.s**2), m.left.conj().T
     r = psi @ K - kappa[:, None] * (psi @ scene.M)
@@ -105,55 +126,144 @@ def test_distributed_matrices_of_petsc(two_blocks):
     assert modes.right.shape == modes.left.shape == (K.getSize()[0], len(modes))
 
 
-@pytest.mark.parametrize("change", ["withheld", "invented"])
-def test_a_wrong_number_of_modes_is_noticed(two_blocks, monkeypatch, change):
-    """From either side alike: the count owes nothing to the eigensolver."""
+def test_a_lost_pair_is_noticed(two_blocks, monkeypatch):
+    """Withheld from either side alike: the winding number knows."""
     scene = two_blocks("guided")
     k = stiffness(scene.w.size, 1)
-    real = unsymmetric.nearest_modes
+    real = friction.nearest_modes
 
     def lossy(*args, **given):
         kappa, X = real(*args, **given)
-        if change == "invented":
-            return np.r_[kappa, 0.9 * kappa[:1]], np.hstack([X, X[:, :1]])
         keep = np.argsort(kappa.real) != 4
         return kappa[keep], X[:, keep]
 
-    monkeypatch.setattr(unsymmetric, "nearest_modes", lossy)
-    with pytest.raises(InaccurateResult, match="modes found, the reduced problem has"):
+    monkeypatch.setattr(friction, "nearest_modes", lossy)
+    with pytest.raises(InaccurateResult, match=r"winding number .* counts"):
         complex_modes(
             scene.M, None, scene.tangent(k, 1.0), BAND, frictionless=scene.tangent(k, 0.0)
         )
 
 
+def prepared(scene, k, mu, cutoff=1.6, orders=1):
+    """The frictionless modes, as sharp as full order takes them, the interface and its moments."""
+    high = (2 * np.pi * BAND[1]) ** 2
+    K = scene.tangent(k, 0.0)
+    factor, sigma = shifted_factor(K, scene.M, high)
+    limit = cutoff**2 * high
+    modes = modes_not_counted(scene.M, factor, sigma, limit, tolerance=FRICTIONLESS)
+    face = contact_interface(scene.N, scene.T, scene.w * k, mu)
+    seen = interface.moments(factor, scene.M, face, orders)
+    known = complete(K, scene.M, modes.kappa, count_below(K, scene.M, limit))
+    return below(at_interface(modes, face), *known), face, seen, high
+
+
+@pytest.mark.parametrize("keep", [False, True])
+@pytest.mark.parametrize("transposed", [False, True])
+def test_inverse_with_and_without_kept_solutions(two_blocks, keep, transposed):
+    """One solve of a block where S^-1 left' is kept, two where it is not: the same inverse."""
+    scene = two_blocks("guided")
+    k = stiffness(scene.w.size, 2)
+    S, sigma = shifted_factor(scene.tangent(k, 0.0), scene.M, (2 * np.pi * BAND[1]) ** 2)
+    face = contact_interface(scene.N, scene.T, scene.w * k, 0.8)
+    S.gigabytes = 1.0  # MUMPS counts whole megabytes.
+    known = interface.moments(S, scene.M, face, keep=keep)
+    assert (known.SL is not None) == keep
+    b = np.random.default_rng(0).standard_normal((scene.M.shape[0], 3))
+    A = (scene.tangent(k, 0.8) - sigma * scene.M).toarray()
+    exact = la.solve(A.T if transposed else A, b)
+    x = interface.Inverse(S, face, known)(b, transposed)
+    S.destroy()
+    np.testing.assert_allclose(x, exact, rtol=0, atol=1e-9 * abs(exact).max())
+
+
+def test_count_needs_no_eigensolver(two_blocks):
+    """With values withheld, invented or none at all the count is the truth."""
+    scene = two_blocks("guided")
+    k = stiffness(scene.w.size, 1)
+    modes, face, seen, high = prepared(scene, k, 1.0, orders=2)
+    kappa = all_kappa(scene.tangent(k, 1.0), scene.M)
+    region = Trapezium(-0.02 * high, 1.013 * high, 0.2, 1e-3 * high)
+    inside = int(region.holds(kappa).sum())
+    near = kappa[np.abs(kappa) < 1.5 * high]
+    for believed in (near, near[3:], np.r_[near, 0.5 * high, 0.6 * high], np.zeros(0)):
+        proof = prove(Determinant(modes, face, seen), region, believed)
+        assert proof.count == inside and proof.remainder < 1
+
+
 @pytest.mark.hard
-@pytest.mark.parametrize("beyond", [300, 1000])
-def test_many_modes_beyond_the_band(beyond):
-    """Up to a thousand modes just beyond the band, coupled by friction: the count is the truth."""
-    for seed in range(3):
+@pytest.mark.parametrize("beyond", [50, 200, 1000])
+def test_many_modes_beyond_the_region(beyond):
+    """Up to a thousand poles just beyond the edge, which turn the phase: the count is the truth."""
+    for seed in range(8):
         rng = np.random.default_rng(seed)
-        kappa = np.sort(np.r_[rng.uniform(0.01, 1.0, 20), rng.uniform(1.05, 2.5, beyond)])
-        left, right = (sp.csr_matrix(1e-2 * rng.standard_normal((4, kappa.size))) for _ in "lr")
-        smooth = sp.diags(kappa).tocsr()
-        K, band = (smooth + left.T @ right).tocsr(), (0.0, 1 / (2 * np.pi))
-        M = sp.identity(kappa.size, format="csr")
-        m = complex_modes(M, None, K, band, frictionless=smooth, friction=Interface(left, right))
-        assert m.count.kind == "proven", m.count.how
-        agrees(m, all_lambda(K, M), band, rigid=0.0)
+        poles = np.sort(np.r_[rng.uniform(0.01, 1.0, 20), rng.uniform(1.05, 2.5, beyond)])
+        sigma, size = -1e-3, poles.size
+        left, right = (1e-2 * rng.standard_normal((4, size)) for _ in range(2))
+        kappa = la.eigvals(np.diag(poles) + left.T @ right)
+        S = poles - sigma
+        seen = interface.Moments(
+            tuple((right / S ** (j + 1)) @ left.T for j in range(3)), (left / S**3) @ left.T,
+            float(la.eigvalsh((right / S) @ right.T)[-1]),
+        )  # fmt: skip
+        face = interface.Interface(sp.csr_matrix(left), sp.csr_matrix(right), False)
+        modes = InterfaceModes(poles, 2.6, sigma, right, left)
+        region = Trapezium(-0.02, 1.025, 0.45, 1e-3)
+        inside, near = int(region.holds(kappa).sum()), kappa[np.abs(kappa) < 1.1]
+        for believed in (near, near[2:]):
+            proof = prove(Determinant(modes, face, seen), region, believed)
+            assert proof.count == inside, (seed, believed.size)
+            assert proof.points < 300
 
 
-def test_interface_from_the_matrices_alone(two_blocks):
-    """Found from the matrices alone: of the same rank, and the same product."""
+@pytest.mark.parametrize(
+    "cutoff, orders", [(1.3, 3), (1.6, 1), (1.6, 2), (1.6, 3), (2.5, 1), (2.5, 3), (1.3, 6)]
+)
+def test_rest_is_a_bound(two_blocks, cutoff, orders):
+    """|eigenvalues of G^-1 (exact G - G)| <= rest, by the dense exact G; not vastly above it."""
+    scene = two_blocks("guided")
+    k = stiffness(scene.w.size, 4)
+    modes, face, seen, high = prepared(scene, k, 0.7, cutoff, orders)
+    K, M = scene.tangent(k, 0.0).toarray(), scene.M.toarray()
+    L, R = face.left.toarray(), face.right.toarray()
+    for z in (0.9 * high * (1 + 0.2j), 0.3 * high * (1 + 0.1j), high * (1.01 + 0.01j)):
+        det = Determinant(modes, face, seen)
+        det.phase(z, np.zeros(0), modes.kappa)
+        exact = np.eye(face.rank) + R @ la.solve(K - z * M, L.T)
+        d = z - modes.sigma
+        known = sum(d**j * R for j, R in enumerate(det.R)) + det.P / (modes.kappa - z) @ det.Q.T
+        size = np.abs(la.eigvals(la.solve(known, exact - known))).max()
+        assert size <= det.remainder * (1 + 1e-6) + 1e-9
+        assert det.remainder < 1e4 * size + 1e-6
+    assert det.remainder < {(1.3, 3): 3.0, (1.6, 1): 5.0, (1.6, 2): 2.0}.get((cutoff, orders), 1.0)
+
+
+def test_stiff_contact_is_proven_with_more_moments(two_blocks, monkeypatch):
+    """Few real modes and few moments prove nothing, and the record says so; more moments do."""
+    scene = two_blocks("fine")
+    k = stiffness(scene.w.size, 4)
+    given = scene.M, None, scene.tangent(k, 1.0), BAND
+    monkeypatch.setattr(friction, "LIMIT", 1.35)
+    for more, proven in ((1, False), (12, True)):
+        monkeypatch.setattr(friction, "MOST_ORDERS", more)
+        monkeypatch.setattr(interface_count, "MOST_ORDERS", more)
+        count = complex_modes(*given, frictionless=scene.tangent(k, 0.0)).count
+        assert count.kind == ("proven" if proven else "counted")
+        assert ("which should be below 1" in count.how) != proven
+
+
+def test_unbounded_interface_gives_the_same_count(two_blocks):
+    """Found from the matrices alone, the size of the gaps' compliance is computed."""
     scene = two_blocks("guided")
     k = stiffness(scene.w.size, 1)
     F = scene.tangent(k, 1.0) - scene.tangent(k, 0.0)
     face = difference_interface(F)
+    assert not face.bounded
     assert face.rank == np.sum(k > 0)
     assert abs(F - face.left.T @ face.right).max() < 1e-12 * abs(F).max()
 
 
 def test_a_full_difference_is_no_interface(monkeypatch):
-    """Rank beyond the limit: the modes are found, not counted, and the record names the remedy."""
+    """Rank beyond the limit: SLEPc finds the modes, and the record names the remedy."""
     monkeypatch.setattr(interface, "LARGEST", 50)
     n = 310
     K = sp.diags([np.full(n, 2.0), -1.001 * np.ones(n - 1), -0.999 * np.ones(n - 1)], [0, 1, -1])
@@ -192,3 +302,32 @@ def test_small_matrices_are_counted_by_their_own_determinant():
     m = complex_modes(sp.identity(2, format="csr"), None, K, (0.0, 1.0), zeta_max=0.2)
     assert m.count.how == "winding number of det(K - kappa M)" and m.count.expected == 2
     assert dense.DENSE >= 2
+
+
+def test_moments_of_stiff_contact_keep_their_digits_beside_low_modes(two_blocks):
+    """Ten moments and modes from a hundredth of the limit on: what the kept modes leave out.
+
+    The part of the lowest modes in the tenth is 1e20 times as large.
+    """
+    scene = two_blocks("guided")
+    high = (2 * np.pi * BAND[1]) ** 2
+    k = stiffness(scene.w.size, 4)
+    K, M = scene.tangent(k, 0.0).toarray(), scene.M.toarray()
+    face = contact_interface(scene.N, scene.T, scene.w * k, 0.7)
+    kappa, Phi = la.eigh(K, M)
+    factor, sigma = shifted_factor(sp.csr_matrix(K), scene.M, high)
+    count = int(np.sum(kappa < 2.5 * high))
+    away, P, Q = kappa - sigma, face.right @ Phi, face.left @ Phi
+    modes = InterfaceModes(kappa[:count], 2.5 * high, sigma, P[:, :count], Q[:, :count])
+    lowest = np.asfortranarray(Phi[:, kappa < 0.3 * high])
+    assert kappa[0] < 0.02 * high and 1 < lowest.shape[1] < count
+    plain = interface.moments(factor, scene.M, face, 10)
+    seen = interface.more_moments(factor, scene.M, face, plain, 10, lowest)
+    factor.destroy()
+    found, lost = (Determinant(modes, face, m).R for m in (seen, plain))
+    for j, R in enumerate(found):
+        exact = (P[:, count:] / away[count:] ** (j + 1)) @ Q[:, count:].T
+        exact += np.eye(face.rank) * (j == 0)
+        size = np.abs(exact).max()
+        assert np.abs(R - exact).max() < 1e-2 * size, j
+    assert np.abs(lost[-1] - exact).max() > 10 * size

@@ -226,7 +226,7 @@ def record(s, error=0.0, real=None):
     none = np.zeros((0, n))
     real = np.zeros(n, bool) if real is None else np.asarray(real)
     return Modes(s, none, none, np.zeros(n), np.broadcast_to(error, n), np.ones(n),
-                 Count("proven", "given", n), 0.0, real)  # fmt: skip
+                 Count("counted", "given", n), 0.0, real)  # fmt: skip
 
 
 def test_conventions_of_frequency_and_damping():

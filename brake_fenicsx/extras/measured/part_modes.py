@@ -127,11 +127,11 @@ def elastic_modes(
     shifted = shifted_factor(K, M, end)
     if shifted is None:
         raise InaccurateResult(f"{where}: its stiffness is indefinite")
-    Phi, kappa = symmetric_modes(K, M, *shifted, end)
+    found = symmetric_modes(K, M, *shifted, end)
     shifted[0].destroy()
-    frequency = np.sqrt(np.maximum(kappa, 0.0)) / (2 * np.pi)
+    frequency = np.sqrt(np.maximum(found.kappa, 0.0)) / (2 * np.pi)
     elastic = frequency > RIGID * highest
-    return frequency[elastic], Phi[:, elastic], int(np.sum(~elastic))
+    return frequency[elastic], found.Phi[:, elastic], int(np.sum(~elastic))
 
 
 def _raw_mesh(scene: Scene, name: str) -> RawMesh:

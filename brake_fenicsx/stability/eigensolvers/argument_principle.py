@@ -106,6 +106,12 @@ def undamped_region(kappa: NDArray, low: float, high: float, zeta_max: float) ->
     return Trapezium(bottom, top, slope, rise)
 
 
+def undamped_reach(high: float, zeta_max: float) -> float:
+    """Largest |kappa| of that region and a little more [1/s^2]."""
+    slope = opening(zeta_max) * (1 + MARGIN)
+    return float((1 + MARGIN) * high * np.hypot(1, slope) + 2e-3 * high)
+
+
 def damped_region(s: Complex, high: float, wide: float, margin: float = RIM) -> Trapezium:
     """Region of the plane of lambda that holds the band.
 
@@ -149,20 +155,45 @@ def count_zeros(
     """
 
     def phase(z: complex) -> complex:
-        """Phase of det T / prod candidates, but for the sign."""
-        lu, pivots = la.lu_factor(T(z), check_finite=False)
-        factors = np.concatenate([np.diag(lu).astype(complex), np.conj(candidates - z)])
-        swaps = int(np.sum(pivots != np.arange(pivots.size)))
-        turned: complex = np.prod(factors / np.abs(factors)) * (-1) ** swaps
-        return turned
+        return determinant_phase(la.lu_factor(T(z), check_finite=False), candidates - z)
 
-    path = region.upper_half(points)
+    turned = turn_along(phase, region.upper_half(points), most)
+    return int(region.holds(candidates).sum()) + int(np.rint(turned / np.pi))
+
+
+def turn_along(phase: Callable[[complex], complex], path: Complex, most: int = 2000) -> float:
+    """Turn of a phase along a path [rad].
+
+    Args:
+        phase: complex number of modulus one for a point of the path.
+        path: points of it.
+        most: evaluations allowed.
+
+    Raises:
+        InaccurateResult: the phase cannot be followed: a zero lies on the path.
+    """
     phases = [phase(z) for z in path]
     follower = _PhaseFollower(phase, 1e-11 * float(np.abs(path).max()), most - path.size)
-    turned = sum(
-        follower.turn(*ends) for ends in zip(path, path[1:], phases, phases[1:], strict=False)
+    ends = zip(path, path[1:], phases, phases[1:], strict=False)
+    return sum(follower.turn(*between) for between in ends)
+
+
+def determinant_phase(
+    lu: tuple[NDArray, NDArray], candidates: NDArray, poles: NDArray | None = None
+) -> complex:
+    """Phase of det T prod poles / prod candidates, from a factorisation of T, but for the sign.
+
+    Args:
+        lu: factors of T(z) and pivots.
+        candidates: candidates for zeros, minus z.
+        poles: poles of T, minus z.
+    """
+    factors = np.concatenate(
+        [np.diag(lu[0]).astype(complex), np.conj(candidates), [] if poles is None else poles]
     )
-    return int(region.holds(candidates).sum()) + int(np.rint(turned / np.pi))
+    swaps = int(np.sum(lu[1] != np.arange(lu[1].size)))
+    phase: complex = np.prod(factors / np.abs(factors)) * (-1) ** swaps
+    return phase
 
 
 class _PhaseFollower:

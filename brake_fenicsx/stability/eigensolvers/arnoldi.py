@@ -77,6 +77,7 @@ def nearest_modes(
     expected: int,
     leftmost: float = -np.inf,
     tolerance: float = 1e-11,
+    start: Array | None = None,
 ) -> tuple[Complex, Complex]:
     """All eigenpairs with |kappa - sigma| <= reach and Re kappa >= leftmost.
 
@@ -91,6 +92,7 @@ def nearest_modes(
         expected: about how many eigenvalues there are, conjugates included.
         leftmost: smallest real part wanted.
         tolerance: relative residual of (A - theta) x.
+        start: starting block that is rich in the wanted vectors, shape (n, BLOCK); random if None.
 
     Returns:
         kappa, those of positive imaginary part for their pairs; vectors, shape (n, modes), after
@@ -103,7 +105,9 @@ def nearest_modes(
     room = min(n, 8 * expected + 48 * block)
     V = np.empty((n, room + block), order="F")
     H = np.zeros((room + block, room + block))
-    new = _orthonormal(apply(np.random.default_rng(0).standard_normal((n, block))))[0]
+    if start is None:
+        start = np.random.default_rng(0).standard_normal((n, block))
+    new = _orthonormal(apply(start))[0]
     size = 0
     due = 2 * expected
     while size <= room:

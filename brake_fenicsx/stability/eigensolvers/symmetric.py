@@ -6,6 +6,8 @@ definite also where a part is held by nothing (rigid modes, open contacts): bloc
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -26,6 +28,23 @@ SHIFT, LARGEST_SHIFT = 1e-3, 1e2
 
 # A limit closer than this to an eigenvalue is moved beyond it; by no more than MOVED.
 ON_EDGE, MOVED = 1e-11, 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Symmetric:
+    """Modes of K_s phi = kappa M phi below a limit.
+
+    Attributes:
+        sigma: shift, negative [1/s^2].
+        Phi: M-orthonormal shapes, shape (dofs, modes).
+        kappa: eigenvalues [1/s^2], ascending.
+        limit: up to it all were looked for [1/s^2].
+    """
+
+    sigma: float
+    Phi: Array
+    kappa: Array
+    limit: float
 
 
 def shifted_factor(
@@ -82,8 +101,8 @@ def count_below(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[int, 
 
 def symmetric_modes(
     K: sp.csr_matrix, M: sp.csr_matrix, factor: Factor, sigma: float, limit: float
-) -> tuple[Array, Array]:
-    """All modes below a limit, counted, with residuals as small as arithmetic allows.
+) -> Symmetric:
+    """All modes below a limit, counted.
 
     Args:
         K: K_s [N/m].
@@ -93,36 +112,60 @@ def symmetric_modes(
         limit: largest eigenvalue wanted [1/s^2]; may be raised a little by the count.
 
     Returns:
-        M-orthonormal shapes, shape (dofs, modes), and eigenvalues [1/s^2], ascending.
+        The modes.
 
     Raises:
         NotConverged: Lanczos does not converge.
         InaccurateResult: inertia counts another number.
     """
-    Phi, _ = modes_below(K, M, factor, sigma, count_below(K, M, limit))
-    return _polished(K, M, factor, Phi)
+    counted = count_below(K, M, limit)
+    modes = modes_not_counted(M, factor, sigma, limit, counted[0])
+    inside, limit = complete(K, M, modes.kappa, counted)
+    Phi, kappa = _polished(K, M, factor, modes.Phi[:, inside])
+    return replace(modes, Phi=Phi, kappa=kappa, limit=limit)
 
 
-def modes_below(
-    K: sp.csr_matrix,
-    M: sp.csr_matrix,
-    factor: Factor,
-    sigma: float,
-    counted: tuple[int, float],
-) -> tuple[Array, Array]:
-    """The modes below the limit of a count, as many as it says; as ``symmetric_modes``.
+def modes_not_counted(
+    M: sp.csr_matrix, factor: Factor, sigma: float, limit: float,
+    expected: int = 0, tolerance: float = 1e-9,
+) -> Symmetric:  # fmt: skip
+    """Modes up to a limit, and a little beyond as far as a count may move it.
+
+    Args:
+        M: mass [kg].
+        factor: factor of K_s - sigma M.
+        sigma: the shift [1/s^2].
+        limit: largest eigenvalue wanted [1/s^2].
+        expected: number of modes, if it is known.
+        tolerance: relative residual of every mode.
+
+    Raises:
+        NotConverged: Lanczos does not converge.
+    """
+    cutoff = limit * (1 + 2 * MOVED) - sigma
+    found = lowest_modes(factor, M, cutoff, tolerance, expected)
+    release_memory()
+    return Symmetric(sigma, found.Phi, found.Lambda + sigma, limit)
+
+
+def complete(
+    K: sp.csr_matrix, M: sp.csr_matrix, kappa: Array, counted: tuple[int, float]
+) -> tuple[NDArray[np.bool_], float]:
+    """Which modes lie below the limit of a count, as many as it says.
 
     Args:
         K: K_s [N/m].
         M: mass [kg].
-        factor: factor of K_s - sigma M.
-        sigma: the shift [1/s^2].
+        kappa: eigenvalues of ``modes_not_counted`` [1/s^2].
         counted: number and limit of ``count_below``.
+
+    Returns:
+        Which of them, and the limit [1/s^2], which may have moved off an eigenvalue.
+
+    Raises:
+        InaccurateResult: inertia counts another number.
     """
     expected, limit = counted
-    found = lowest_modes(factor, M, limit * (1 + 2 * MOVED) - sigma, expected=expected)
-    release_memory()
-    kappa = found.Lambda + sigma
     if np.any(np.abs(kappa - limit) <= ON_EDGE * limit):
         # On an eigenvalue round-off decides what either count takes for below.
         expected, limit = count_below(K, M, limit * (1 + 100 * ON_EDGE))
@@ -132,7 +175,7 @@ def modes_below(
             f"{inside.sum()} modes found below {np.sqrt(limit) / 2 / np.pi:.6g} Hz without"
             f" friction, inertia counts {expected}"
         )
-    return found.Phi[:, inside], kappa[inside]
+    return inside, limit
 
 
 def _polished(

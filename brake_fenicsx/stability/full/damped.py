@@ -114,7 +114,7 @@ def damped_modes(
     band: tuple[float, float],
     tolerance: float,
     zeta_max: float,
-    counted: Callable[[SplitProblem, sp.csr_matrix, Complex, float, float, MPI.Comm], Count],
+    counted: Callable[[SplitProblem, sp.csr_matrix, Complex, float, float], Count],
     comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Modes:
     """All modes of a band with alpha >= -zeta_max |lambda|, one of each conjugate pair.
@@ -125,8 +125,8 @@ def damped_modes(
         band: lowest and highest frequency [Hz].
         tolerance: relative residual of every mode.
         zeta_max: largest damping ratio looked for.
-        counted: counts the modes of a large problem, see ``reduced_count``.
-        comm: processes that share the work; collective.
+        counted: counts the modes of a large problem, see ``damped_count``.
+        comm: two processes that share the work, or one; collective.
 
     Returns:
         The modes; where their number could not be counted the record says why.
@@ -143,7 +143,7 @@ def damped_modes(
         counting = counted_quadratic(pencil, s, high, zeta_max)
     else:
         s, right, left = quadratic_modes(pencil, high, zeta_max, comm)
-        counting = counted(problem, C, s, high, zeta_max, comm)
+        counting = counted(problem, C, s, high, zeta_max)
     # Only decay is cut off: a mode that grows faster than that is news.
     slow = s.real >= -zeta_max * np.abs(s)
     chosen = np.flatnonzero(

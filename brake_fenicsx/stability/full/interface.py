@@ -1,21 +1,40 @@
 """Friction as what it is: a term of low rank on the contact interface.
 
 K = K_s + left' right with K_s symmetric. Contact elements i with springs D = W k give
-left = mu sqrt(D) T, right = sqrt(D) N.
+left = mu sqrt(D) T, right = sqrt(D) N: then right K_s^-1 right' <= 1, because K_s holds the springs
+right' right themselves. What is behind the interface is reached by solves with S = K_s - sigma M,
+
+    K - sigma M = S + left' right,    E = I + right S^-1 left',
+    (S + left' right)^-1 = S^-1 - S^-1 left' E^-1 right S^-1.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx.folder.processes import in_turns
+from brake_fenicsx.macro.solver import BlockProduct, Factor, blocks
+
+from ..eigensolvers.arnoldi import combined, shares
+
 Array = NDArray[np.float64]
 
-# Largest rank for which friction is treated on its interface: it is counted with some sixteen dense
+# Most moments of the interface, right S^-1 (M S^-1)^j left', j = 0, 1, ..., and the highest power m
+# of S^-1 in left S^-1 (M S^-1)^(m - 1) left'.
+MOST_ORDERS, POWER_LL = 12, 3
+
+# Largest array that one process sends another [GB]: a message of MPI has less than 2 GB. It limits
+# one process alone as well, so that results do not depend on the number of processes.
+MESSAGE = 1.8
+
+# Largest rank for which friction is treated on its interface: a proof holds some sixteen dense
 # matrices of this size, 128 MB each. Nor is the rank more than one in SHARE of all dofs.
 LARGEST, SHARE = 4000, 4
 
@@ -27,10 +46,12 @@ class Interface:
     Attributes:
         left: shape (rank, dofs).
         right: shape (rank, dofs).
+        bounded: whether right K_s^-1 right' <= 1 is known.
     """
 
     left: sp.csr_matrix
     right: sp.csr_matrix
+    bounded: bool
 
     @property
     def rank(self) -> int:
@@ -54,7 +75,7 @@ def contact_interface(N: sp.csr_matrix, T: sp.csr_matrix, D: Array, mu: float | 
     rubs = (D > 0) & (mu != 0)
     root = np.sqrt(D[rubs])
     left = sp.diags(mu[rubs] * root) @ T[rubs]
-    return Interface(left.tocsr(), (sp.diags(root) @ N[rubs]).tocsr())
+    return Interface(left.tocsr(), (sp.diags(root) @ N[rubs]).tocsr(), True)
 
 
 def difference_interface(F: sp.spmatrix, tolerance: float = 1e-13) -> Interface | None:
@@ -91,7 +112,7 @@ def difference_interface(F: sp.spmatrix, tolerance: float = 1e-13) -> Interface 
         return None
     root = np.sqrt(s[:rank])
     left = _placed((Q @ V[:, :rank] * root).T, rows, F.shape[0])
-    return Interface(left, _placed(root[:, None] * W[:rank], columns, F.shape[0]))
+    return Interface(left, _placed(root[:, None] * W[:rank], columns, F.shape[0]), False)
 
 
 def _placed(values: Array, columns: NDArray[np.intp], size: int) -> sp.csr_matrix:
@@ -99,3 +120,137 @@ def _placed(values: Array, columns: NDArray[np.intp], size: int) -> sp.csr_matri
     n = values.shape[0]
     indptr = np.arange(n + 1) * columns.size
     return sp.csr_matrix((values.ravel(), np.tile(columns, n), indptr), shape=(n, size))
+
+
+@dataclass(frozen=True, slots=True)
+class Moments:
+    """Moments of S^-1 at the interface.
+
+    Attributes:
+        RL: right S^-1 (M S^-1)^j left', j = 0, 1, ..., each of shape (rank, rank).
+        LL: left S^-1 (M S^-1)^(m - 1) left', m the number of RL but 3 at most, shape (rank, rank).
+        RR: largest eigenvalue of right S^-1 right'; 1 where the interface is bounded.
+        SL: S^-1 left', shape (dofs, rank), where it is kept.
+        low: number of the lowest modes whose part is left out of RL from the second on, and of LL
+            with m > 1: the round-off of that part would hide the part of the modes beyond the
+            limit.
+    """
+
+    RL: tuple[Array, ...]
+    LL: Array
+    RR: float
+    SL: Array | None = None
+    low: int = 0
+
+
+def moments(
+    factor: Factor, M: sp.csr_matrix, friction: Interface, orders: int = 1, keep: bool = False
+) -> Moments:
+    """Solve for every column of the interface.
+
+    Args:
+        factor: factor of S.
+        M: mass [kg].
+        friction: the interface.
+        orders: number of moments.
+        keep: whether to keep S^-1 left' where it is no larger than the factor and than MESSAGE: the
+            factor of the inertia count took as much memory, and is freed before it is used.
+
+    Returns:
+        The moments.
+    """
+    rank, size = friction.rank, 1.0
+    keep = keep and 8e-9 * rank * M.shape[0] <= min(factor.gigabytes, MESSAGE)
+    SL = np.empty((M.shape[0], rank), order="F") if keep else None
+    none = np.zeros((M.shape[0], 0))
+    RL, LL = _of_columns(factor, M, friction, orders, slice(0, rank), none, SL)
+    if not friction.bounded:
+        right = friction.right.T.tocsc()
+        parts = [friction.right @ factor.solve(right[:, b]) for b in blocks(rank)]
+        gap = np.hstack(parts)
+        size = float(la.eigvalsh(0.5 * (gap + gap.T), subset_by_index=[rank - 1, rank - 1])[0])
+    return Moments(tuple(RL), 0.5 * (LL + LL.T), size, SL)
+
+
+def more_moments(
+    factor: Factor,
+    M: sp.csr_matrix,
+    friction: Interface,
+    known: Moments,
+    orders: int,
+    Phi: Array,
+    comm: MPI.Comm = MPI.COMM_SELF,
+) -> Moments:
+    """The same interface with more moments; collective.
+
+    Args:
+        factor: factor of S.
+        M: mass [kg].
+        friction: the interface.
+        known: fewer of its moments.
+        orders: number of moments.
+        Phi: lowest modes, shape (dofs, low).
+        comm: two processes, each of which solves for half of the columns, or one.
+    """
+    half = friction.rank // 2
+    columns = slice(0, half), slice(half, friction.rank)
+    found = in_turns(2, lambda i: _of_columns(factor, M, friction, orders, columns[i], Phi), comm)
+    RL, LL = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
+    return Moments(tuple(RL), 0.5 * (LL + LL.T), known.RR, None, Phi.shape[1])
+
+
+def _of_columns(
+    factor: Factor,
+    M: sp.csr_matrix,
+    friction: Interface,
+    orders: int,
+    columns: slice,
+    Phi: Array,
+    SL: Array | None = None,
+) -> tuple[Array, Array]:
+    """Columns of RL and of LL, not made symmetric; S^-1 left' goes to SL."""
+    left, mass = friction.left.T.tocsc()[:, columns], BlockProduct(M)
+    MPhi = mass(Phi)
+    shape = friction.rank, left.shape[1]
+    RL, LL = np.empty((orders, *shape)), np.empty(shape)
+    for b in blocks(left.shape[1]):
+        X = factor.solve(left[:, b])
+        if SL is not None:
+            SL[:, b] = X
+        for j in range(orders):
+            if j > 0 and Phi.size:
+                X -= combined(Phi, shares(MPhi, X))
+            X = X if j == 0 else factor.solve(mass(X))
+            RL[j][:, b] = friction.right @ X
+            if j == min(orders, POWER_LL) - 1:
+                LL[:, b] = friction.left @ X
+    return RL, LL
+
+
+class Inverse:
+    """(S + left' right)^-1 and its transpose by block solves with S (Woodbury)."""
+
+    def __init__(self, factor: Factor, friction: Interface, known: Moments):
+        """Factor the interface matrix.
+
+        Args:
+            factor: factor of S.
+            friction: the interface.
+            known: its moments; with S^-1 left' a block takes one solve, without it two.
+        """
+        self.factor, self.friction, self.SL = factor, friction, known.SL
+        self._lu = la.lu_factor(np.eye(friction.rank) + known.RL[0])
+
+    def __call__(self, b: Array, transposed: bool = False) -> Array:
+        """Apply to a block, shape (dofs, columns)."""
+        f, SL = self.friction, self.SL
+        if transposed and SL is not None:
+            c = la.lu_solve(self._lu, shares(SL, b), trans=1)
+            return self.factor.solve(b - f.right.T @ c)
+        x = self.factor.solve(b)
+        first, second = (f.left, f.right) if transposed else (f.right, f.left)
+        c = la.lu_solve(self._lu, first @ x, trans=int(transposed))
+        if SL is not None:
+            return x - combined(SL, c)
+        # Only the rows of contact nodes are not zero.
+        return x - self.factor.solve(sp.csc_matrix(second.T @ c))

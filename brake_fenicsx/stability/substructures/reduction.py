@@ -18,7 +18,7 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import Factor
 
-from ..eigensolvers.symmetric import count_below, modes_below
+from ..eigensolvers.symmetric import complete, count_below, modes_not_counted
 from .component import interface_at, matrices
 from .contact_rows import SIGMA, Rows
 from .frequency import Polynomial, imaginary_points, real_points
@@ -349,7 +349,7 @@ def _modes_below(
     if factor.negative_pivots:
         factor.destroy()
         raise InaccurateResult("the stiffness of a body is not positive definite")
-    try:
-        return modes_below(K, M, factor, -sigma, counted)
-    finally:
-        factor.destroy()
+    found = modes_not_counted(M, factor, -sigma, counted[1])
+    factor.destroy()
+    inside, _ = complete(K, M, found.kappa, counted)
+    return found.Phi[:, inside], found.kappa[inside]

@@ -1,4 +1,4 @@
-"""How many modes a large problem with friction or damping has, counted without its eigensolver.
+"""How many modes a large damped problem has in its band, counted without its eigensolver.
 
 The whole brake without friction, its contact springs included, is one substructure whose modes an
 inertia count proves complete; damping couples them with what they leave out, and friction, of low
@@ -6,8 +6,6 @@ rank, enters as the forces of a contact. The zeros of its T(z) are the eigenvalu
 """
 
 from __future__ import annotations
-
-from mpi4py import MPI
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,24 +24,15 @@ from .substructures.substructure import Substructure
 TOLERANCE = 1e-3
 
 
-def counted(
-    p: SplitProblem,
-    C: sp.csr_matrix | None,
-    s: Complex,
-    high: float,
-    zeta_max: float,
-    comm: MPI.Comm = MPI.COMM_SELF,
-) -> Count:
-    """Compare the modes found with the zeros of T around the band; collective.
+def counted(p: SplitProblem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: float) -> Count:
+    """Compare the modes found with the zeros of T around the band.
 
     Args:
         p: the problem without damping.
-        C: damping [N s/m]; None where there is none.
-        s: eigenvalues found, up to a little beyond the region [1/s]: with conjugates, or without
-            damping sqrt(-kappa) of every kappa.
+        C: damping [N s/m].
+        s: eigenvalues found, with conjugates, up to a little beyond the region [1/s].
         high: upper end of the band [rad/s].
         zeta_max: the region holds the modes of the band up to this damping ratio.
-        comm: processes that share the work.
 
     Returns:
         How they were counted, or why not.
@@ -53,7 +42,7 @@ def counted(
     """
     if not (p.symmetric or p.friction is not None):
         return p.not_low_rank
-    dofs = np.arange(p.K.shape[0])
+    dofs = np.arange(C.shape[0])
     none = sp.csr_matrix((0, dofs.size))
     left, right = (none, none) if p.friction is None else (p.friction.left, p.friction.right)
     elements = np.arange(right.shape[0])
@@ -63,16 +52,16 @@ def counted(
     one = np.ones(elements.size)
     # Friction left' right with springs of 1 N/m, and nothing along the gaps.
     contact = ContactLinearisation(0 * one, one, 0 * one, 0 * one)
-    band = 0.0, high / 2 / np.pi
     try:
-        zeros = reduce_bodies([body], one, band, tolerance=TOLERANCE, comm=comm).zeros([], contact)
+        model = reduce_bodies([body], one, (0.0, high / 2 / np.pi), tolerance=TOLERANCE)
     except InaccurateResult as error:
         if count_below(p.frictionless, p.M, -SHIFT * high**2)[0] > 0:
             return p.indefinite
         return Count("not counted", f"{error}; lower the end of the band")
+    zeros = model.zeros([], contact)
     wide = zeta_max / np.sqrt(1 - zeta_max**2)
     region = damped_region(np.r_[s, zeros], high, wide)
     found, expected = int(region.holds(s).sum()), int(region.holds(zeros).sum())
     if found != expected:
-        raise InaccurateResult(f"{found} modes found, the reduced problem has {expected}")
-    return Count("proven", "inertia without friction, zeros of the T(z) of its modes")
+        raise InaccurateResult(f"damped modes: {found} found, the reduced problem has {expected}")
+    return Count("proven", "zeros of T(z) of the frictionless modes, complete by inertia")
