@@ -22,14 +22,13 @@ from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene.in_effect import in_effect
 
 from . import sample_blocks as blocks
-from .columns import column_writer
 from .counts import sample_facts, verification
 from .driver_tables import contact_driver_table, driver_table
 from .family_shapes import FILE as SHAPES
 from .family_shapes import family_shapes
 from .run import CAUSES, CONTACT, read_run, save_tables
 from .stored import StoredSamples
-from .tables import MODES, Row, RowTable
+from .tables import MODES, Row, RowTable, column_writer
 
 if TYPE_CHECKING:
     from .probabilities import Ensemble

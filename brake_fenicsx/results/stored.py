@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 
-from .columns import ma
 from .families import ModeFamilies
 from .sample_blocks import SampleBlock, StoredBlocks, Tabulation
-from .tables import MODES, TEXTS, Columns, Value, as_array
+from .tables import MODES, TEXTS, Columns, Value, as_array, ma
 
 if TYPE_CHECKING:
     import pandas as pd
