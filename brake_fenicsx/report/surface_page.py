@@ -118,7 +118,7 @@ def surface_blocks(run: RunData) -> list[Block]:
 
 def _parameter_blocks(run: RunData, rows: list[list[Value]]) -> list[Block]:
     """Tables of the parameters, and what they are."""
-    level = run.summary.get("in_effect", {}).get("surface", {}).get("level", "")
+    level = run.in_effect("surface").get("level", "")
     form = {"plane": "The least-squares plane", "second-order": "The second-order polynomial"}
     names = (
         "Names of ISO 25178-2; S_k, S_pk, S_vk, S_mr1 and S_mr2 from the line through the least"
@@ -217,8 +217,8 @@ def _unsure(run: RunData) -> list[str]:
 
 
 def _law_facts(run: RunData) -> list[tuple[str, str]]:
-    micro = run.summary.get("in_effect", {}).get("micro")
-    if run.laws is None or not isinstance(micro, dict):
+    micro = run.in_effect("micro")
+    if run.laws is None or not micro:
         return []
     patch, hardness = micro.get("patch"), micro.get("hardness")
     facts = [("Contact laws", f"{len(run.laws['d'])}")]

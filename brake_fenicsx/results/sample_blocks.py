@@ -129,6 +129,13 @@ def founders_of(store: Store, tasks: Sequence[Task]) -> ModeFamilies:
     return made
 
 
+def keep_founders(store: Store, tasks: Sequence[Task]) -> None:
+    """Keep these families in the folder, for all blocks that are packed from now on."""
+    made = founders_of(store, tasks)
+    vectors, frequencies = np.array(made.vectors), np.array(made.frequencies)
+    store.save(FOUNDERS, vectors=vectors, frequencies=frequencies)
+
+
 def _added(members: ModeFamilies, data: Mapping[str, Any]) -> NDArray[np.int32]:
     """Family of each mode of one more sample."""
     frequencies = np.abs(data["s"].imag) / 2 / np.pi

@@ -33,7 +33,7 @@ from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies, si_unit
 from brake_fenicsx.scene.units import quantity_text
 
-from .numbering import Numbering, body_centres, dof_points
+from .numbering import Numbering, dof_places
 from .sampling import friction_of_contact
 
 if TYPE_CHECKING:
@@ -228,11 +228,10 @@ class ReducedModels:
         followed, C = "N", None
         if terms is not None:
             followed, C = "N" + "T" * terms.falls + "R" * terms.turns, terms.bulk
-        points = dof_points(brake)
         bodies = split_substructures(
             brake.K, brake.M, {"N": brake.N, "T": brake.T, "R": brake.R}, brake.unit_loads,
             changes.matrices if changes else [], C,
-            np.column_stack([points, body_centres(points, numbering.body)]),
+            dof_places(brake, numbering.body),
         )  # fmt: skip
         if damped:
             bodies = with_modal_damping(self._scene, bodies, brake.masses)

@@ -10,10 +10,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from brake_fenicsx.report.html import SMALL, render_page, write_report
+from brake_fenicsx.report.html import render_page, write_report
 from brake_fenicsx.report.mode_cards import ModePictures
-from brake_fenicsx.report.parameter_sections import percent
-from brake_fenicsx.report.squeal_map import squeal_map
+from brake_fenicsx.report.page_blocks import SMALL
+from brake_fenicsx.report.sections import percent
+from brake_fenicsx.report.squeal_figures import squeal_map
 from brake_fenicsx.results.probabilities import Probability
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.tables import MODES, SAMPLES, RowTable, write_rows
@@ -121,8 +122,8 @@ def test_the_first_screen_names_verdict_candidates_and_conditions(page):
     assert verdict.get("class") == "verdict squeal"
     text = "".join(verdict.itertext())
     assert (
-        "Squeal is likely at the limit of the scene: 54 of 60 samples have a squeal mode with a"
-        " damping below 0 (90 %, 95 %" in text
+        "At least one squeal mode with a damping below 0 in 54 of 60 samples (95 % interval 80 to"
+        " 95 %; Multi-scale)." in text
     )
     assert verdict.find(f"{X}table") is not None and head.find(f".//{X}strong") is None
     assert "Classical: 2 squeal modes" in text
@@ -153,12 +154,16 @@ def facts_of(head):
         (
             0,
             20,
-            "No squeal was found: 0 of 20 samples have a squeal mode with a damping below 0 (0",
+            "No squeal was found: a squeal mode with a damping below 0 in 0 of 20 samples (95 %",
         ),
-        (2, 20, "Squeal is possible: 2 of 20 samples"),
-        (9, 20, "Squeal is possible, its probability may lie on either side of 50 %: 9 of 20"),
-        (18, 20, "Squeal is likely at the limit of the scene: 18 of 20"),
-        (1, 1, "Squeal is predicted: 1 squeal mode with a damping below 0 in one run"),
+        (2, 20, "Squeal is possible: 1.000 kHz, in 2 of 20 samples (95 % interval 3 to 30 %)."),
+        (
+            9,
+            20,
+            "Squeal is possible, its probability may lie on either side of 50 %: 1.000 kHz, in",
+        ),
+        (18, 20, "Squeal is likely at the limit of the scene: 1.000 kHz, in 18 of 20"),
+        (1, 1, "Squeal is predicted at 1.000 kHz: 1 squeal mode with a damping below 0 in one run"),
         (0, 1, "No squeal mode with a damping below 0 in one run"),
     ],
 )
@@ -315,8 +320,7 @@ def test_every_picture_of_a_mode_is_on_the_page_once(shaped):
 
 def test_the_map_holds_every_mode_or_says_which(drawn):
     run = read_run(drawn[0])
-    found = {name: run.squeal.families(name) for name in run.approaches}
-    every = squeal_map(run, found, "multi-scale", ModePictures(run))
+    every = squeal_map(run, ModePictures(run))
     good = (run.modes["approach"] != "parametric") | (run.modes["sample"] != 39)
     assert every["shown"] == every["total"] == good.sum()
     data = every["data"]
@@ -325,11 +329,11 @@ def test_the_map_holds_every_mode_or_says_which(drawn):
     assert data["frequency"][0] == pytest.approx(run.modes["frequency_hz"][0], rel=1e-6)
     unstable = np.array(data["verdict"]) == 1
     assert unstable.sum() == np.sum((run.modes["verdict"] == "unstable") & good)
-    few = squeal_map(run, found, "multi-scale", ModePictures(run), most=1000)
+    few = squeal_map(run, ModePictures(run), most=1000)
     assert few["shown"] <= 1000 < few["total"] and few["data"]["thinned"]
     assert few["selection"].startswith("all squeal modes and one in ")
     assert np.sum(np.array(few["data"]["verdict"]) == 1) == unstable.sum()
-    fewer = squeal_map(run, found, "multi-scale", ModePictures(run), most=100)
+    fewer = squeal_map(run, ModePictures(run), most=100)
     assert fewer["shown"] <= 100 and "one in 4 of the squeal modes" in fewer["selection"]
 
 
@@ -365,7 +369,7 @@ def test_damping_is_named_and_an_open_count_admitted(drawn, tmp_path):
         page = render_page(run)
         head = ElementTree.fromstring(page).find(f".//{X}header")
         assert dict(facts_of(head))["Damping"] == "rayleigh, sliding"
-        assert ("<li>Warning: Classical: in 1 of 1 samples the number" in page) == bool(number)
+        assert ("<p>Warning: Classical: in 1 of 1 samples the number" in page) == bool(number)
 
 
 def test_every_parameter_of_the_fit_has_its_error(page):
@@ -438,7 +442,7 @@ def test_page_is_the_same_for_the_same_run(page):
 
 def test_importing_the_report_imports_no_heavy_library():
     code = (
-        "import sys, brake_fenicsx.report.html, brake_fenicsx.report.overview\n"
+        "import sys, brake_fenicsx.report.html, brake_fenicsx.results.answer\n"
         "heavy = {'dolfinx', 'petsc4py', 'mpi4py', 'matplotlib', 'pyvista'}\n"
         "print(sorted(heavy & set(sys.modules)))"
     )

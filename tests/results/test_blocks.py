@@ -6,7 +6,7 @@ import pytest
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.results import sample_blocks as blocks
-from brake_fenicsx.results.counts import sample_facts
+from brake_fenicsx.results.output import sample_facts
 from brake_fenicsx.results.sample_blocks import SampleBlock, Tabulation
 from brake_fenicsx.results.stored import StoredSamples
 

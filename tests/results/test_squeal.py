@@ -7,11 +7,16 @@ import pytest
 from scipy.optimize import brentq
 
 from brake_fenicsx.report.input_figures import correlations, draw_correlations
-from brake_fenicsx.report.overview import open_points, summary_table
 from brake_fenicsx.results.accuracy import error_rows, speed_rows, stage_rows
-from brake_fenicsx.results.answer import approach_rows, family_rows, write_tables
+from brake_fenicsx.results.answer import (
+    approach_rows,
+    family_rows,
+    limit_rows,
+    open_points,
+    summary_table,
+    write_tables,
+)
 from brake_fenicsx.results.ensemble_statistics import wilson
-from brake_fenicsx.results.limits import limit_rows
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
