@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brake_fenicsx.results.ensemble_statistics import Correlation, rank_correlation
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import SAMPLES, Columns, rows_of
 
-from .contact_figures import draw_patches, pad_sides, patches, sliding_rows
+from .contact_figures import PadMap, draw_pads, sliding_rows
 from .style import (
     BLACK,
     BLUE,
@@ -243,36 +242,22 @@ def draw_driver_maps(run: RunData) -> Figure | None:
     contact = sliding_rows(run, contact)
     if not contact["element"].size:
         return None
-    modes = [m for name in run.approaches if (m := _most_unstable(run, name)) is not None]
-    sides = pad_sides(contact["z"])
-    x, y = contact["x"] * 1e3, contact["y"] * 1e3
-    height = 0.55 + 5.0 / len(sides) * float(np.clip(np.ptp(y) / max(np.ptp(x), 1e-9), 0.2, 1.5))
-    figure, axes = new_figure(
-        len(modes) * len(MAPS), len(sides), height=height * len(modes) * len(MAPS)
-    )
-    panels = [(mode, quantity) for mode in modes for quantity in MAPS]
-    for row, ((approach, sample, mode, frequency), (column, text, factor)) in zip(
-        axes, panels, strict=True
-    ):
-        own = (contact["approach"] == approach) & (contact["sample"] == sample)
+    drawn = []
+    for name in run.approaches:
+        if (mode := _most_unstable(run, name)) is None:
+            continue
+        sample, number, frequency = mode
+        own = (contact["approach"] == name) & (contact["sample"] == sample)
         table = rows_of(contact, own)
-        chosen = (maps["approach"] == approach) & (maps["sample"] == sample)
-        chosen &= maps["mode"] == mode
-        every = np.zeros(1 + max(maps["element"].max(), contact["element"].max()))
-        every[maps["element"][chosen]] = maps[column][chosen]
-        values = every[table["element"]] / table["area"] * factor
-        top = float(np.quantile(np.abs(values[values != 0]), 0.98)) if values.any() else 1.0
-        for axis, (side, inside) in zip(row, pad_sides(table["z"]), strict=True):
-            part = rows_of(table, inside)
-            corners, shown = patches(part, run.faces, values[inside])
-            image = draw_patches(axis, corners, shown, SIGNED, (-top, top))
-            where = f"{label(run, approach)}, {frequency / 1e3:.3f} kHz, {side}"
-            axis.set_title(where, fontsize=8)
-            axis.set(ylabel="y [mm]", aspect="equal")
-        figure.colorbar(image, ax=list(row), label=text, extend="both", shrink=0.9)
-    for axis in axes[-1]:
-        axis.set_xlabel("x [mm]")
-    return figure
+        chosen = (maps["approach"] == name) & (maps["sample"] == sample) & (maps["mode"] == number)
+        for column, text, factor in MAPS:
+            every = np.zeros(1 + max(maps["element"].max(), contact["element"].max()))
+            every[maps["element"][chosen]] = maps[column][chosen]
+            values = every[table["element"]] / table["area"] * factor
+            top = float(np.quantile(np.abs(values[values != 0]), 0.98)) if values.any() else 1.0
+            place = f"{label(run, name)}, {frequency / 1e3:.3f} kHz"
+            drawn.append(PadMap(place, table, values, (-top, top), text))
+    return draw_pads(run, drawn, SIGNED)
 
 
 def _families(run: RunData, approach: str) -> list[Family]:
@@ -321,16 +306,13 @@ def _draw_bars(
     axis.locator_params(axis="x", nbins=4)
 
 
-def _most_unstable(run: RunData, approach: str) -> tuple[str, int, int, float] | None:
-    """Approach, sample, mode and frequency [Hz] of the squeal mode of lowest damping."""
+def _most_unstable(run: RunData, approach: str) -> tuple[int, int, float] | None:
+    """Sample, mode and frequency [Hz] of the squeal mode of lowest damping."""
     maps, modes = run.driver_maps, run.modes
-    if maps is None or modes is None:
-        return None
-    own: NDArray = maps["approach"] == approach
-    if not own.any():
+    if maps is None or modes is None or not (own := maps["approach"] == approach).any():
         return None
     sample = int(maps["sample"][own][0])
     known = (modes["approach"] == approach) & (modes["sample"] == sample)
     known &= np.isin(modes["mode"], maps["mode"][own])
     i = np.flatnonzero(known)[np.argmin(modes["damping"][known])]
-    return approach, sample, int(modes["mode"][i]), float(modes["frequency_hz"][i])
+    return sample, int(modes["mode"][i]), float(modes["frequency_hz"][i])

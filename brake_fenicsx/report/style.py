@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
     from brake_fenicsx.results.run import RunData
 
@@ -135,6 +136,30 @@ def stroke(approach: str) -> str:
 def label(run: RunData, approach: str) -> str:
     """Name of an approach as a figure shows it."""
     return run.label(approach).replace("$", r"\$")
+
+
+def draw_field(
+    axes: Axes, values: NDArray, size: NDArray, colours: Any, missing: str, **scale: Any
+) -> Any:
+    """Values over a surface as an image, x to the right.
+
+    Args:
+        axes: of the panel.
+        values: shape (nx, ny); nan where there is none.
+        size: sides of the surface [mm].
+        colours: Matplotlib's colour map.
+        missing: colour of what there is no value for.
+        **scale: ``norm``, or ``vmin`` and ``vmax``.
+    """
+    colours = colours.copy()
+    colours.set_bad(missing)
+    extent = (0, float(size[0]), 0, float(size[1]))
+    image = axes.imshow(
+        values.T, origin="lower", extent=extent, cmap=colours, interpolation="nearest", **scale
+    )
+    axes.set(xlabel="x [mm]", ylabel="y [mm]")
+    axes.spines[["top", "right"]].set_visible(True)
+    return image
 
 
 def panel(axes: Axes, letter: str, title: str) -> None:

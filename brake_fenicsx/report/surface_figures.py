@@ -21,6 +21,7 @@ from .style import (
     SKY,
     VERMILION,
     WIDTH,
+    draw_field,
     light_grid,
     new_figure,
     panel,
@@ -139,23 +140,11 @@ def draw_artificial(run: RunData) -> Figure | None:
 
 
 def _map(axes: Axes, z: NDArray, size: NDArray, limits: tuple[float, float]) -> Any:
-    """Heights [um] of shape (nx, ny) as an image with x to the right, missing points in red."""
+    """Heights [um] of shape (nx, ny) as an image, missing points in red."""
     import matplotlib
 
-    colours = matplotlib.colormaps[HEIGHTS].copy()
-    colours.set_bad(VERMILION)
-    image = axes.imshow(
-        z.T,
-        origin="lower",
-        extent=(0, float(size[0]), 0, float(size[1])),
-        cmap=colours,
-        vmin=limits[0],
-        vmax=limits[1],
-        interpolation="nearest",
-    )
-    axes.set(xlabel="x [mm]", ylabel="y [mm]")
-    axes.spines[["top", "right"]].set_visible(True)
-    return image
+    colours = matplotlib.colormaps[HEIGHTS]
+    return draw_field(axes, z, size, colours, VERMILION, vmin=limits[0], vmax=limits[1])
 
 
 def _height_limits(z: NDArray) -> tuple[float, float]:

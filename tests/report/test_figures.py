@@ -379,7 +379,7 @@ def test_convergence_ends_at_the_final_share(run):
 
 def test_pressure_is_drawn_on_both_pads_of_each_approach(run):
     figure = draw_contact_pressure(run)
-    pads = [axis for axis in figure.axes if axis.get_xlabel()]
+    pads = [axis for axis in figure.axes if axis.get_title()]
     assert len(pads) == 6
     for axis in pads:
         (patches,) = (c for c in axis.collections if isinstance(c, PolyCollection))
