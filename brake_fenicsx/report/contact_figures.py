@@ -14,7 +14,7 @@ from brake_fenicsx.results.run import Arrays, RunData, sort_approaches
 from brake_fenicsx.results.tables import Columns, rows_of
 
 from .fields import facet_means
-from .style import BLACK, BLUE, ORANGE, PRESSURE, draw_field, label, light_grid, new_figure, panel
+from .style import BLACK, BLUE, ORANGE, PRESSURE, draw_field, finish, label, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,18 +61,16 @@ def draw_laws(run: RunData) -> Figure | None:
     E_star = _modulus(laws)
     d, p, k = laws["d"] * 1e6, laws["p"], laws["k"]
     _draw_bundle(axes[0, 0], d, p / 1e6)
-    axes[0, 0].set(xlabel="separation $d$ [µm]", ylabel="mean pressure $p$ [MPa]")
-    axes[0, 0].set_ylim(bottom=0)
-    panel(axes[0, 0], "a", f"{d.shape[0]} laws, linear")
+    x, y = "separation $d$ [µm]", "mean pressure $p$ [MPa]"
+    linear = f"(a) {d.shape[0]} laws, linear"
+    finish(axes[0, 0], title=linear, xlabel=x, ylabel=y, ylim=(0, None))
     scale = E_star or 1e6
     _draw_bundle(axes[0, 1], d, p / scale)
-    text = "$p/E^*$ [-]" if E_star else "mean pressure $p$ [MPa]"
-    axes[0, 1].set(yscale="log", xlabel="separation $d$ [µm]", ylabel=text)
-    panel(axes[0, 1], "b", f"log, $E^*$ = {E_star / 1e6:.0f} MPa" if E_star else "log")
+    log = f"(b) log, $E^*$ = {E_star / 1e6:.0f} MPa" if E_star else "(b) log"
+    y = "$p/E^*$ [-]" if E_star else y
+    finish(axes[0, 1], title=log, yscale="log", xlabel=x, ylabel=y)
     _draw_stiffness(axes[0, 2], p / 1e6, k / 1e9, laws["v"] / 1e9 if "v" in laws else None)
     _mark_braking(axes[0, 2], run)
-    for axis in axes.flat:
-        light_grid(axis)
     axes[0, 0].legend(loc="upper right")
     handles, names = axes[0, 2].get_legend_handles_labels()
     shown = [(h, n) for h, n in zip(handles, names, strict=True) if n != "each law"]
@@ -220,9 +218,8 @@ def _draw_stiffness(axes: Axes, p: NDArray, k: NDArray, v: NDArray | None) -> No
             low, middle, high = np.quantile(rows, [0.05, 0.5, 0.95], axis=0)
             axes.fill_between(at, low, high, color=colour, alpha=0.35, lw=0, zorder=2.5)
             axes.plot(at, middle, color=BLACK, lw=1.6, label=text, zorder=3)
-    axes.set(xscale="log", yscale="log")
-    axes.set(xlabel="mean pressure $p$ [MPa]", ylabel="stiffness $-p'(d)$ [N/mm$^3$]")
-    panel(axes, "c", "stiffness")
+    labels = {"xlabel": "mean pressure $p$ [MPa]", "ylabel": "stiffness $-p'(d)$ [N/mm$^3$]"}
+    finish(axes, title="(c) stiffness", xscale="log", yscale="log", **labels)
 
 
 def _at_common_pressures(values: NDArray, p: NDArray) -> tuple[NDArray, NDArray]:

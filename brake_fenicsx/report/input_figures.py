@@ -21,8 +21,8 @@ from .style import (
     PURPLE,
     SKY,
     VERMILION,
+    finish,
     label,
-    light_grid,
     look,
     new_figure,
 )
@@ -87,8 +87,7 @@ def _draw(axis: Axes, table: Columns, most: int) -> None:
             _bar(axis, table, own & (table["input"] == key), x, width, look, name)
     axis.axhline(0.0, color=BLACK, lw=0.7)
     axis.set_xticks(range(len(groups)), marks)
-    axis.set_ylabel("share of the variance\nof the growth rate [-]")
-    light_grid(axis, axis="y")
+    finish(axis, "y", ylabel="share of the variance\nof the growth rate [-]")
 
 
 def _bar(
@@ -176,9 +175,8 @@ def draw_correlations(run: RunData, most: int = 12) -> Figure | None:
         axis.errorbar(rho, y, xerr=reach, fmt="none", ecolor=BLACK, elinewidth=1, capsize=2)
         axis.axvline(0.0, color=BLACK, lw=0.7)
         axis.set_yticks(y, [name for name, _ in found])
-        axis.set(xlim=(-1, 1), ylim=(-0.6, len(found) - 0.4))
-        axis.set_title(f"{label(run, approach)}: {run.squeal.count(approach).samples} samples")
-        light_grid(axis, axis="x")
+        title = f"{label(run, approach)}: {run.squeal.count(approach).samples} samples"
+        finish(axis, "x", title=title, xlim=(-1, 1), ylim=(-0.6, len(found) - 0.4))
     what = f"the number of squeal modes ({run.criterion})"
     axes[-1, 0].set_xlabel(f"rank correlation with {what} [-]")
     return figure
@@ -299,7 +297,7 @@ def _draw_bars(
         for i in np.flatnonzero(median & named):
             axis.plot(step * table["dalpha_dp_1_s"][i], y, "D", color=BLACK, ms=3)
     axis.axvline(0.0, color=BLACK, lw=0.7)
-    light_grid(axis, axis="x")
+    finish(axis, "x")
     alpha = table["alpha"][median if median.any() else first][0]
     axis.set_title(f"{family.kilohertz} kHz\nalpha {alpha:.4g} 1/s", fontsize=8)
     axis.tick_params(axis="x", labelsize=7)

@@ -11,7 +11,20 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import squeals
 
 from .mode_cards import ModePictures
-from .style import BLACK, BLUE, CYCLE, DAMPING_LABEL, GREY, MARKERS, VERMILION, label, new_figure
+from .style import (
+    BLACK,
+    BLUE,
+    CYCLE,
+    DAMPING_LABEL,
+    GREY,
+    KHZ,
+    MARKERS,
+    VERMILION,
+    damping_axis,
+    finish,
+    label,
+    new_figure,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,10 +32,8 @@ if TYPE_CHECKING:
 
 MANY_POINTS = 2000  # beyond this a scatter is rasterised inside the SVG
 DRAWN_POINTS = 50_000  # of a scatter; of more every n-th is drawn
-KHZ = "frequency [kHz]"
 MOST = 20_000  # modes that a page holds
 VERDICTS = {"stable": 0, "unstable": 1}
-LINEAR_DAMPING = 1e-4  # the squeal map's damping axis is logarithmic beyond
 
 
 def draw_squeal_map(run: RunData) -> Figure | None:
@@ -34,14 +45,12 @@ def draw_squeal_map(run: RunData) -> Figure | None:
     if run.modes is None or run.modes["mode"].size == 0:
         return None
     # All panels on one page of print, at full width.
-    figure, axes = _panels(run, height=min(2.1, 6.0 / len(run.approaches)))
-    for axis in axes.flat:
-        axis.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
-        axis.set_yticks([-0.1, -0.01, -0.001, 0.0, 0.001, 0.01, 0.1])
-        axis.grid(axis="y", color="0.9", linewidth=0.6)
-    low, high = axes[0, 0].get_ylim()
-    # Room above the points for the legend; the panels share the axis.
-    axes[0, 0].set_ylim(min(3 * low, -3e-3), max(20 * high, 2e-2))
+    damping = run.modes["damping"]
+    low, high = min(float(damping.min()), 0.0), max(float(damping.max()), 0.0)
+    reach = max(high - low, 1e-6)
+    # Room above the points for the legend.
+    limits = min(3 * (low - 0.08 * reach), -3e-3), max(20 * (high + 0.3 * reach), 2e-2)
+    figure, axes = _panels(run, min(2.1, 6.0 / len(run.approaches)), limits)
     f, damping, verdict = (run.modes[name] for name in ("frequency_hz", "damping", "verdict"))
     squeal = squeals(run.modes, run.threshold)
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
@@ -65,13 +74,9 @@ def draw_families(run: RunData, most: int = 7) -> Figure | None:
     if not any(map(len, loud)):
         return None
     looks = _family_looks(run, most)
-    figure, axes = _panels(run, height=min(1.9, 7.0 / len(run.approaches)))
     lowest = min(float(modes.damping.min()) for modes in loud if len(modes))
-    for axis in axes.flat:
-        axis.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
-        axis.set_yticks([-0.1, -0.01, -0.001, 0.0])
-        axis.grid(axis="y", color="0.9", linewidth=0.6)
-    axes[0, 0].set_ylim(min(3 * lowest, -3e-3), 0.0)
+    limits = min(3 * lowest, -3e-3), 0.0
+    figure, axes = _panels(run, min(1.9, 7.0 / len(run.approaches)), limits)
     for axis, approach, modes in zip(axes.flat, run.approaches, loud, strict=True):
         f, damping = modes.frequency_hz / 1e3, modes.damping
         rest = np.full(f.size, True)
@@ -110,15 +115,10 @@ def _family_looks(run: RunData, most: int) -> dict[tuple[str, int], tuple[str, s
     return looks
 
 
-def _panels(run: RunData, height: float = 1.9) -> tuple[Figure, NDArray]:
+def _panels(run: RunData, height: float, limits: tuple[float, float]) -> tuple[Figure, NDArray]:
     """One panel per approach over shared axes, squeal shaded, counts in the title."""
-    modes = run.modes or {}
-    damping = modes["damping"]
-    n = len(run.approaches)
+    n, ticks = len(run.approaches), [-0.1, -0.01, -0.001, 0.0, 0.001, 0.01, 0.1]
     figure, axes = new_figure(n, 1, height=0.7 + height * n, sharex=True, sharey=True)
-    low, high = min(float(damping.min()), 0.0), max(float(damping.max()), 0.0)
-    reach = max(high - low, 1e-6)
-    low, high = low - 0.08 * reach, high + 0.3 * reach
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
         axis.axhspan(-1e3, -run.threshold, color="#fbeee6", lw=0, zorder=0)
         axis.axhline(0.0, color=BLACK, lw=0.6, zorder=1)
@@ -126,9 +126,9 @@ def _panels(run: RunData, height: float = 1.9) -> tuple[Figure, NDArray]:
             axis.axhline(-run.threshold, color=VERMILION, lw=0.8, ls="--", zorder=1)
         text = f"squeal: {run.criterion}"
         axis.text(0.995, 0.03, text, transform=axis.transAxes, ha="right", color=VERMILION, size=8)
-        axis.set(ylim=(low, high), ylabel=DAMPING_LABEL.replace("damping ", "damping\n"))
-        axis.set_title(_headline(run, approach))
-    top = float(modes["frequency_hz"].max()) / 1e3
+        damping_axis(axis, yticks=ticks, ylim=limits, title=_headline(run, approach))
+        finish(axis, "y", ylabel=DAMPING_LABEL.replace("damping ", "damping\n"))
+    top = float(run.modes["frequency_hz"].max()) / 1e3 if run.modes else 1.0
     axes[-1, 0].set(xlabel=KHZ, xlim=(0, 1.02 * top))
     return figure, axes
 
@@ -150,18 +150,9 @@ def _scatter(
         return
     many = x.size > MANY_POINTS
     x, y = _thinned(x), _thinned(y)
-    axes.scatter(
-        x,
-        y,
-        s=size * (0.5 if many else 1.0),
-        c=colour,
-        marker=marker,
-        linewidths=0,
-        alpha=0.35 if many else 0.8,
-        label=text,
-        rasterized=many,
-        zorder=3,
-    )
+    size, alpha = (0.5 * size, 0.35) if many else (size, 0.8)
+    style = {"c": colour, "marker": marker, "alpha": alpha, "label": text}
+    axes.scatter(x, y, s=size, linewidths=0, rasterized=many, zorder=3, **style)
 
 
 def _thinned(values: NDArray) -> NDArray:

@@ -6,7 +6,7 @@ import io
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,6 +31,8 @@ APPROACH_LOOK = {
 APPROACH_LINE = {"classical": ":", "parametric": "--", "multi-scale": "-", "joint": "-."}
 HEIGHTS, PRESSURE = "cividis", "viridis"
 DAMPING_LABEL = r"damping $-2\,\alpha/|\omega|$ [-]"
+LINEAR_DAMPING = 1e-4  # below it an axis of damping is linear
+KHZ = "frequency [kHz]"
 WIDTH = 7.2  # [in] of a full page
 
 _PARAMETERS = {
@@ -165,6 +167,18 @@ def draw_field(
 def panel(axes: Axes, letter: str, title: str) -> None:
     """Head a panel with its letter and a short title."""
     axes.set_title(f"({letter}) {title}")
+
+
+def finish(axes: Axes, grid: Literal["both", "x", "y"] = "both", **keys: Any) -> None:
+    """Title, labels, scales and limits of a panel as ``Axes.set`` takes them, and a light grid."""
+    axes.set(**keys)
+    light_grid(axes, axis=grid)
+
+
+def damping_axis(axes: Axes, **keys: Any) -> None:
+    """An axis of damping, linear about zero and logarithmic beyond: flutter spans decades."""
+    axes.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
+    axes.set(**keys)
 
 
 def light_grid(axes: Axes, **keys: Any) -> None:

@@ -11,8 +11,19 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.tables import Columns, rows_of
 
-from .squeal_figures import KHZ, LINEAR_DAMPING
-from .style import BLACK, CYCLE, DAMPING_LABEL, MARKERS, label, light_grid, look, new_figure, panel
+from .style import (
+    BLACK,
+    CYCLE,
+    DAMPING_LABEL,
+    KHZ,
+    MARKERS,
+    damping_axis,
+    finish,
+    label,
+    look,
+    new_figure,
+    panel,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -165,10 +176,9 @@ def draw_branches(run: RunData) -> Figure | None:
         _mark_onsets(bottom, events, factor, colours)
         panel(top, "ab"[column], label(run, approach))
         bottom.axhline(-run.threshold, color=BLACK, lw=0.6, ls=":")
-        bottom.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
-        bottom.set_xlabel(name)
-        for axis in (top, bottom):
-            light_grid(axis)
+        damping_axis(bottom)
+        finish(top)
+        finish(bottom, xlabel=name)
         if colours:
             bottom.legend(title="squeals (frequency at the onset)", fontsize=7,
                           title_fontsize=8, loc="best")  # fmt: skip
@@ -240,10 +250,8 @@ def draw_critical(run: RunData) -> Figure | None:
         open_[1:] |= open_[:-1]
         axis.fill_between(x, curve["low"][own], curve["high"][own], where=open_, color=colour,
                           step="post", alpha=0.12, lw=0)  # fmt: skip
-    axis.set_xlabel(name)
-    axis.set_ylabel("share of samples that squeal by then [-]")
-    axis.set_ylim(0, 1.02)
-    light_grid(axis)
+    share = "share of samples that squeal by then [-]"
+    finish(axis, xlabel=name, ylabel=share, ylim=(0, 1.02))
     axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02))
     return figure
 
@@ -275,10 +283,8 @@ def draw_worst(run: RunData) -> Figure | None:
         axis.fill_between(factor * values, low, high, color=colour, alpha=0.25, lw=0,
                           label="5 to 95 %")  # fmt: skip
         axis.plot(factor * values, middle, color=colour, label="median")
-        axis.set_xlabel(name)
-        axis.set_ylabel(text)
-        light_grid(axis)
-    axes[0, 0].set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
+        finish(axis, xlabel=name, ylabel=text)
+    damping_axis(axes[0, 0])
     axes[0, 0].axhline(-run.threshold, color=BLACK, lw=0.6, ls=":")
     axes[0, 1].legend(loc="upper left")
     return figure
