@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.samples.designs import RIGID
-from brake_fenicsx.scene.samples_section import Plan, Samples
+from brake_fenicsx.scene.samples_section import Samples
 
 from .ensemble_statistics import Correlation, rank_correlation, wilson
 from .run import RunData
@@ -181,6 +181,10 @@ class Ensemble:
     threshold: float = 0.0
     causes: list[Causes] = field(default_factory=list)
 
+    def place(self, o: Outcome) -> list[Any]:
+        """First cells of a row of an outcome, see ``Place``."""
+        return [self.approach, self.threshold, o.scope, o.where, o.frequency]
+
 
 @dataclass(frozen=True, slots=True)
 class Causes:
@@ -189,13 +193,13 @@ class Causes:
     Attributes:
         growth: indices of its growth.
         squeal: indices of whether it squeals; None where that never changes.
-        dominant: number of the input with the strongest rank correlation with squeal, or None.
+        dominant: the input with the strongest rank correlation with squeal, or None.
         correlation: that correlation.
     """
 
     growth: Indices
     squeal: Indices | None
-    dominant: int | None
+    dominant: str | None
     correlation: Correlation
 
 
@@ -255,13 +259,13 @@ def find_causes(samples: Samples, found: Sequence[Ensemble], comm: MPI.Comm) -> 
 
 
 def _causes(samples: Samples, e: Ensemble, o: Outcome) -> Causes:
-    plan, hits = _plan(samples, e), o.squeal[e.good]
+    plan, hits = samples.plan(e.approach), o.squeal[e.good]
     squeal = None if np.ptp(hits) == 0 else indices(plan, e.x, o.squeal, e.good)
     best, strongest = None, Correlation(np.nan, np.nan, np.nan)
-    for i in range(len(e.names)):
-        c = rank_correlation(e.x[e.good, i], hits)
+    for name, values in zip(e.names, e.x[e.good].T, strict=True):
+        c = rank_correlation(values, hits)
         if np.isfinite(c.rho) and (best is None or abs(c.rho) > abs(strongest.rho)):
-            best, strongest = i, c
+            best, strongest = name, c
     return Causes(indices(plan, e.x, o.growth, e.good), squeal, best, strongest)
 
 
@@ -281,14 +285,6 @@ def cause_tables(samples: Samples, found: Sequence[Ensemble]) -> dict[str, RowTa
     return tables
 
 
-def _place(e: Ensemble, o: Outcome) -> list[Any]:
-    return [e.approach, e.threshold, o.scope, o.where, o.frequency]
-
-
-def _plan(samples: Samples, e: Ensemble) -> Plan:
-    return samples.plan(e.approach)
-
-
 def sensitivity_rows(found: Sequence[Ensemble]) -> Iterator[Sensitivity]:
     """Rows of sensitivity.csv; outcomes that never change have none.
 
@@ -304,7 +300,7 @@ def sensitivity_rows(found: Sequence[Ensemble]) -> Iterator[Sensitivity]:
                     first = _interval(x.first[i], x.first_half[i])
                     total = _interval(x.total[i], x.total_half[i])
                     counts = [x.method, x.used, x.filled]
-                    yield Sensitivity.of(*_place(e, o), name, key, *first, *total, *counts)
+                    yield Sensitivity.of(*e.place(o), name, key, *first, *total, *counts)
 
 
 def _interval(value: float, half: float) -> list[float | None]:
@@ -324,22 +320,14 @@ def probability_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[Pr
         for o, cause in zip(e.outcomes, e.causes, strict=True):
             hits = o.squeal[e.good]
             share = wilson(int(hits.sum()), hits.size)
-            above = (
-                "yes" if share.low > samples.limit else "no" if share.high < samples.limit
-                else "open"
-            )  # fmt: skip
-            yield Probability.of(
-                *_place(e, o), share.n, share.hits, *share.cells,
-                o.median_damping, share.value * abs(o.median_damping or 0.0), above,
-                *_dominant(cause, e), *_shares(cause.growth, e),
-            )  # fmt: skip
-
-
-def _dominant(cause: Causes, e: Ensemble) -> list[Any]:
-    if cause.dominant is None:
-        return [None] * 4
-    c = cause.correlation
-    return [e.names[cause.dominant], c.rho, c.low, c.high]
+            above = "yes" if share.low > samples.limit else "open"
+            above = "no" if share.high < samples.limit else above
+            severity = share.value * abs(o.median_damping or 0.0)
+            c = cause.correlation
+            strongest = [None] * 3 if cause.dominant is None else [c.rho, c.low, c.high]
+            cells = [*share.cells, o.median_damping, severity, above, cause.dominant, *strongest]
+            counts = [share.n, share.hits]
+            yield Probability.of(*e.place(o), *counts, *cells, *_shares(cause.growth, e))
 
 
 def _shares(x: Indices, e: Ensemble) -> list[float | None]:
@@ -358,22 +346,14 @@ def convergence_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[Co
     Rigid designs have no such beginnings: their samples mean something only all together.
     """
     for e in found:
-        rigid = bool(e.names) and _plan(samples, e).design in RIGID
+        rigid = bool(e.names) and samples.plan(e.approach).design in RIGID
+        whole = e.good.size
+        counts = [10 * 2**k for k in range(32) if 10 * 2**k < whole and not rigid] + [whole]
         for o in e.outcomes:
-            for n in [e.good.size] if rigid else _beginnings(e.good.size):
+            for n in counts:
                 hits = o.squeal[:n][e.good[:n]]
                 share = wilson(int(hits.sum()), hits.size)
-                yield Convergence.of(*_place(e, o), share.n, *share.cells)
-
-
-def _beginnings(n: int) -> list[int]:
-    """10, 20, 40, ... and all."""
-    found = []
-    m = 10
-    while m < n:
-        found.append(m)
-        m *= 2
-    return [*found, n]
+                yield Convergence.of(*e.place(o), share.n, *share.cells)
 
 
 def probability_facts(samples: Samples, found: Sequence[Ensemble]) -> dict[str, Any]:
