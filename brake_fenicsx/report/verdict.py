@@ -107,9 +107,10 @@ def _sentences(
     else:
         said = f"Squeal is possible, its probability may lie on either side of {100 * most:g} %"
         level = "open"
-    text = f"{said}: {where}, in {_often(worst.share)}."
-    more = f"At least one squeal mode {limit} in {_often(share, name)}."
-    return text, level, [more, *_few(worst.share)]
+    more = _few(worst.share)
+    if worst.share.hits != share.hits:
+        more = [f"At least one squeal mode {limit} in {_often(share)}.", *more]
+    return f"{said}: {where}, in {_often(worst.share, name)}.", level, more
 
 
 def _often(share: Proportion, *about: str) -> str:
