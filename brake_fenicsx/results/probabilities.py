@@ -36,9 +36,8 @@ from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.samples.designs import RIGID
 from brake_fenicsx.scene.samples_section import Samples
 
-from .ensemble_statistics import Correlation, rank_correlation, wilson
+from .ensemble_statistics import Correlation, Indices, indices, rank_correlation, wilson
 from .run import RunData
-from .sensitivity import Indices, indices
 from .tables import Row, RowTable
 
 if TYPE_CHECKING:
