@@ -32,6 +32,10 @@ if TYPE_CHECKING:
 # Kinds of lock_in.csv, as in sweeps.events, which the report does not import: it needs the solver.
 MERGING, SPLITTING = "merging", "splitting"
 ONSET, END, FROM_FIRST = "onset of squeal", "end of squeal", "squeals from the first value"
+NO_EVENTS = {  # columns of lock_in.csv that are read, where there is none
+    "approach": str, "sample": float, "kind": str, "value": float, "frequency_hz": float,
+    "real_1_s": float, "branch": int, "with_branch": float,
+}  # fmt: skip
 MAX_WINDOWS = 3  # windows of one branch that are named
 Curve = tuple[NDArray, NDArray, NDArray]
 # Branches and families with a colour of their own.
@@ -54,17 +58,15 @@ class SweepEvents:
             run: the results.
             approach: its name.
         """
-        table = run.sweep.get("lock_in") or {}
-        own = np.isnan(table["sample"]) & (table["approach"] == approach) if table else []
-        self._table: Columns = rows_of(table, own)
+        table = run.sweep.get("lock_in") or {n: np.empty(0, t) for n, t in NO_EVENTS.items()}
+        nominal = np.isnan(table["sample"]) & (table["approach"] == approach)
+        self._table: Columns = rows_of(table, nominal)
         self.threshold = run.threshold
 
     def of(self, kind: str) -> Curve:
         """Values, frequencies [Hz] and branches of all events of a kind, shape (n,) each."""
-        if not self._table:
-            return np.empty(0), np.empty(0), np.empty(0, dtype=int)
-        own = self._table["kind"] == kind
-        return tuple(self._table[n][own] for n in ("value", "frequency_hz", "branch"))
+        events = rows_of(self._table, self._table["kind"] == kind)
+        return events["value"], events["frequency_hz"], events["branch"]
 
     def curve(self, rows: Columns, branch: int) -> Curve:
         """Values, frequencies [Hz] and dampings of a branch, with those at its events.
@@ -82,18 +84,15 @@ class SweepEvents:
         one = rows["branch"] == branch
         columns = [rows[name][one] for name in ("value", "frequency_hz", "damping")]
         falling = columns[0][-1] < columns[0][0]
-        if self._table:
-            kind, f = self._table["kind"], self._table["frequency_hz"]
-            own = self._table["branch"] == branch
-            crossing = own & np.isin(kind, (ONSET, END))
-            merging = (own | (self._table["with_branch"] == branch)) & np.isin(
-                kind, (MERGING, SPLITTING)
-            )
-            mean = -2 * self._table["real_1_s"] / (2 * np.pi * f)
-            damping = np.where(crossing, -self.threshold, mean)
-            new = crossing | merging
-            added = (self._table["value"][new], f[new], damping[new])
-            columns = [np.append(a, b) for a, b in zip(columns, added, strict=True)]
+        events, kind = self._table, self._table["kind"]
+        of_branch = events["branch"] == branch
+        crossing = of_branch & np.isin(kind, (ONSET, END))
+        merging = of_branch | (events["with_branch"] == branch)
+        new = crossing | merging & np.isin(kind, (MERGING, SPLITTING))
+        mean = -2 * events["real_1_s"] / (2 * np.pi * events["frequency_hz"])
+        damping = np.where(crossing, -self.threshold, mean)
+        added = (events["value"][new], events["frequency_hz"][new], damping[new])
+        columns = [np.append(a, b) for a, b in zip(columns, added, strict=True)]
         order = np.argsort(-columns[0] if falling else columns[0], kind="stable")
         x, f, damping = (column[order] for column in columns)
         return x, f, damping
@@ -108,24 +107,21 @@ class SweepEvents:
         Returns:
             The frequency at the first event, and the windows of values.
         """
-        if not self._table:
-            return ""
-        own = (self._table["branch"] == branch) & np.isin(
-            self._table["kind"], (ONSET, END, FROM_FIRST)
-        )
-        if not own.any():
-            return ""
+        kinds = np.isin(self._table["kind"], (ONSET, END, FROM_FIRST))
+        events = rows_of(self._table, (self._table["branch"] == branch) & kinds)
         windows: list[list[float]] = []
-        for kind, x in zip(self._table["kind"][own], self._table["value"][own], strict=True):
+        for kind, x in zip(events["kind"], events["value"], strict=True):
             if kind != END:
                 windows.append([factor * x])
             elif windows:
                 windows[-1].append(factor * x)
             else:  # the branch entered the band with squeal
                 windows.append([np.nan, factor * x])
-        said = ", ".join(map(_window, windows[:MAX_WINDOWS]))
+        if not windows:
+            return ""
+        text = ", ".join(map(_window, windows[:MAX_WINDOWS]))
         more = f" and {len(windows) - MAX_WINDOWS} more" if len(windows) > MAX_WINDOWS else ""
-        return f"{self._table['frequency_hz'][own][0] / 1e3:.3f} kHz {said}{more}"
+        return f"{events['frequency_hz'][0] / 1e3:.3f} kHz {text}{more}"
 
 
 def _window(ends: list[float]) -> str:
