@@ -237,9 +237,9 @@ def _at_common_pressures(values: NDArray, p: NDArray) -> tuple[NDArray, NDArray]
 
 def _mark_braking(axes: Axes, run: RunData) -> None:
     """Shade the pressures that the closed contact elements of the run really see."""
-    if (found := _braking(run)) is not None:
+    if (span := _braking(run)) is not None:
         axes.axvspan(
-            *found, color=ORANGE, alpha=0.18, lw=0, label="5 to 95 % of the\nbrake's patches"
+            *span, color=ORANGE, alpha=0.18, lw=0, label="5 to 95 % of the\nbrake's patches"
         )
 
 

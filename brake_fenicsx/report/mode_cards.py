@@ -154,13 +154,13 @@ def _parts(run: RunData, family: Family) -> list[str]:
     modes = run.squeal.squeal_modes(family.approach, family.key)
     shares = {n.removeprefix("share_"): modes[n].mean() for n in modes if n.startswith("share_")}
     layers = [layer.partition(".")[0] for layer in shares]
-    found = [
+    parts = [
         (share, part if layers.count(part) == 1 else layer.replace(".", " "))
         for part, (layer, share) in zip(layers, shares.items(), strict=True)
         if share >= LEAST
     ]
-    found.sort(key=lambda pair: -pair[0])
-    return [f"{part} {100 * share:.0f} %" for share, part in found]
+    parts.sort(key=lambda pair: -pair[0])
+    return [f"{part} {100 * share:.0f} %" for share, part in parts]
 
 
 def mode_text(run: RunData, family: Family, pictures: ModePictures) -> str:

@@ -155,10 +155,10 @@ def draw_errors(run: RunData) -> Figure | None:
     drawn = False
     every = run.errors
     for approach in run.approaches:
-        own = np.asarray(run.modes["approach"] == approach) & (every > 0) & np.isfinite(every)
-        if own.any():
-            drawn, error = True, every[own]
-            _draw_bands(axes[0, 0], run.modes["frequency_hz"][own], error, approach)
+        rows = np.asarray(run.modes["approach"] == approach) & (every > 0) & np.isfinite(every)
+        if rows.any():
+            drawn, error = True, every[rows]
+            _draw_bands(axes[0, 0], run.modes["frequency_hz"][rows], error, approach)
             _draw_excess(axes[0, 1], error, approach, label(run, approach))
     if not drawn:
         return None
@@ -177,9 +177,9 @@ def _draw_bands(axes: Axes, f: NDArray, error: NDArray, approach: str, bands: in
     edges = np.linspace(0.0, f.max() * (1 + 1e-12), bands + 1)
     rows = []
     for low, high in pairwise(edges):
-        own = error[(low <= f) & (f < high)]
-        if own.size:
-            rows.append((0.5e-3 * (low + high), own.max(), np.median(own)))
+        band = error[(low <= f) & (f < high)]
+        if band.size:
+            rows.append((0.5e-3 * (low + high), band.max(), np.median(band)))
     middle, largest, median = zip(*rows, strict=True)
     axes.plot(middle, largest, color=colour, lw=1.2)
     axes.plot(middle, median, marker, color=colour, ms=3.5)

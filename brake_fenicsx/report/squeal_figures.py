@@ -55,13 +55,13 @@ def draw_squeal_map(run: RunData) -> Figure | None:
     squeal = squeals(run.modes, run.threshold)
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
         good = run.squeal.of_good(approach)
-        for name, own, colour, marker, size in (
+        for name, kind, colour, marker, size in (
             ("stable", verdict == "stable", BLUE, "o", 12),
             ("unstable, no squeal", (verdict == "unstable") & ~squeal, GREY, "v", 20),
             ("squeal", squeal, VERMILION, "v", 20),
             ("neutral", verdict == "neutral", BLACK, "s", 14),
         ):
-            rows = np.flatnonzero(good & own)
+            rows = np.flatnonzero(good & kind)
             few, text = _thinned(rows), f"{name}: {rows.size}"
             _scatter(axis, f[few] / 1e3, damping[few], colour, marker, size, text)
         axis.legend(loc="upper left", ncol=4, bbox_to_anchor=(0, 1.02), handletextpad=0.1)
@@ -70,25 +70,25 @@ def draw_squeal_map(run: RunData) -> Figure | None:
 
 def draw_families(run: RunData, most: int = 7) -> Figure | None:
     """Squeal modes by family: families of about one frequency share a look in all panels."""
-    loud = [run.squeal.squeal_modes(approach) for approach in run.approaches]
-    if not any(map(len, loud)):
+    squealing = [run.squeal.squeal_modes(approach) for approach in run.approaches]
+    if not any(map(len, squealing)):
         return None
     looks = _family_looks(run, most)
-    lowest = min(float(modes.damping.min()) for modes in loud if len(modes))
+    lowest = min(float(modes.damping.min()) for modes in squealing if len(modes))
     limits = min(3 * lowest, -3e-3), 0.0
     figure, axes = _panels(run, min(1.9, 7.0 / len(run.approaches)), limits)
-    for axis, approach, modes in zip(axes.flat, run.approaches, loud, strict=True):
+    for axis, approach, modes in zip(axes.flat, run.approaches, squealing, strict=True):
         f, damping = modes.frequency_hz / 1e3, modes.damping
         rest = np.full(f.size, True)
         for record in run.squeal.families(approach):
             if (approach, record.key) not in looks:
                 continue
-            own = modes.key == record.key
-            rest &= ~own
+            members = modes.key == record.key
+            rest &= ~members
             colour, marker = looks[approach, record.key]
             often = "" if record.share.n == 1 else f"{record.share.hits} of {record.share.n}, "
             text = f"{record.kilohertz} kHz: {often}{record.median:.2g}"
-            _scatter(axis, f[own], damping[own], colour, marker, 20, text)
+            _scatter(axis, f[members], damping[members], colour, marker, 20, text)
         _scatter(axis, f[rest], damping[rest], GREY, ".", 20, f"others: {rest.sum()} modes")
         if f.size:
             axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), handletextpad=0.1)
@@ -203,7 +203,7 @@ def squeal_map(run: RunData, pictures: ModePictures, most: int = MOST) -> dict[s
                 "share": f"{f.share.hits} of {f.share.n} samples",
                 "shape": pictures.of_family(f),
             }
-            for name, found in run.families.items() for f in found if f.key >= 0
+            for name, families in run.families.items() for f in families if f.key >= 0
         },
         "shapes": {
             f"{names.index(name)}:{sample}:{mode}": key

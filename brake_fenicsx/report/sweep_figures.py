@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.results.run import RunData
-from brake_fenicsx.results.squeal import kilohertz
+from brake_fenicsx.results.squeal import kilohertz, squeals
 from brake_fenicsx.results.tables import Columns, rows_of
 
 from .style import (
@@ -81,8 +81,8 @@ class SweepEvents:
         Returns:
             Arrays of shape (n,), in the order of the sweep.
         """
-        one = rows["branch"] == branch
-        columns = [rows[name][one] for name in ("value", "frequency_hz", "damping")]
+        rows_of_branch = rows["branch"] == branch
+        columns = [rows[name][rows_of_branch] for name in ("value", "frequency_hz", "damping")]
         falling = columns[0][-1] < columns[0][0]
         events, kind = self._table, self._table["kind"]
         of_branch = events["branch"] == branch
@@ -150,13 +150,13 @@ def axis_of(run: RunData, number: int = 0) -> tuple[float, str]:
 def draw_branches(run: RunData) -> Figure | None:
     """Frequency and damping of every branch of the scene's own brake, lock-in marked."""
     table = run.sweep.get("sweep")
-    if table is None or "value_2" in table or not np.any(own := np.isnan(table["sample"])):
+    if table is None or "value_2" in table or not np.any(nominal := np.isnan(table["sample"])):
         return None
-    approaches = [a for a in run.approaches if np.any(own & (table["approach"] == a))]
+    approaches = [a for a in run.approaches if np.any(nominal & (table["approach"] == a))]
     figure, axes = new_figure(2, len(approaches), height=5.6, sharex=True, sharey="row")
     factor, name = axis_of(run)
     for column, approach in enumerate(approaches):
-        rows = rows_of(table, own & (table["approach"] == approach))
+        rows = rows_of(table, nominal & (table["approach"] == approach))
         top, bottom = axes[0, column], axes[1, column]
         events = SweepEvents(run, approach)
         colours = _loud(rows, run.threshold, events)
@@ -234,17 +234,17 @@ def draw_critical(run: RunData) -> Figure | None:
     texts = kilohertz(families["frequency_hz"].tolist())
     for i, family in enumerate(families["family"][: MOST + 1]):
         any_ = np.isnan(family)
-        own = np.isnan(curve["family"]) if any_ else curve["family"] == family
-        x, colour = factor * curve["value"][own], BLACK if any_ else CYCLE[(i - 1) % len(CYCLE)]
+        rows = np.isnan(curve["family"]) if any_ else curve["family"] == family
+        x, colour = factor * curve["value"][rows], BLACK if any_ else CYCLE[(i - 1) % len(CYCLE)]
         hits, n = int(families["squeal_samples"][i]), int(families["samples"][i])
         text = "any family" if any_ else f"{texts[i]} kHz"
-        axis.plot(x, curve["share"][own], color=colour, lw=2.0 if any_ else 1.3,
+        axis.plot(x, curve["share"][rows], color=colour, lw=2.0 if any_ else 1.3,
                   ls="--" if any_ else "-", drawstyle="steps-post",
                   label=f"{text} ({hits} of {n})")  # fmt: skip
         # Bands of families that all squeal, or none, would lie upon one another.
-        open_ = (curve["share"][own] > 0) & (curve["share"][own] < 1)
+        open_ = (curve["share"][rows] > 0) & (curve["share"][rows] < 1)
         open_[1:] |= open_[:-1]
-        axis.fill_between(x, curve["low"][own], curve["high"][own], where=open_, color=colour,
+        axis.fill_between(x, curve["low"][rows], curve["high"][rows], where=open_, color=colour,
                           step="post", alpha=0.12, lw=0)  # fmt: skip
     share = "share of samples that squeal by then [-]"
     finish(axis, xlabel=name, ylabel=share, ylim=(0, 1.02))
@@ -257,19 +257,16 @@ def draw_worst(run: RunData) -> Figure | None:
     table = run.sweep.get("sweep")
     if table is None or not np.any(rows := ~np.isnan(table["sample"])):
         return None
-    own = rows_of(table, rows)
-    values = np.unique(own["value"])
-    samples = np.unique(own["sample"])
+    rough = rows_of(table, rows)
+    values, samples = np.unique(rough["value"]), np.unique(rough["sample"])
     lowest, number = np.zeros((2, samples.size, values.size))
-    at, place = (
-        np.asarray(np.searchsorted(known, own[name]))
-        for known, name in ((values, "value"), (samples, "sample"))
-    )
-    np.minimum.at(lowest, (place, at), np.where(own["verdict"] == "unstable", own["damping"], 0.0))
-    squeal = (own["verdict"] == "unstable") & (own["damping"] < -run.threshold)
-    np.add.at(number, (place[squeal], at[squeal]), 1)
+    at = np.searchsorted(values, rough["value"])
+    place = np.searchsorted(samples, rough["sample"])
+    damping = np.where(rough["verdict"] == "unstable", rough["damping"], 0.0)
+    np.minimum.at(lowest, (place, at), damping)
+    np.add.at(number, (place, at), squeals(rough, run.threshold))
     factor, name = axis_of(run)
-    colour, _ = look(str(own["approach"][0]))
+    colour, _ = look(str(rough["approach"][0]))
     figure, axes = new_figure(1, 2, height=2.8)
     for axis, data, text in (
         (axes[0, 0], lowest, "lowest damping of a sample [-]"),
@@ -296,12 +293,12 @@ def draw_chart(run: RunData) -> Figure | None:
                               sharey=True)  # fmt: skip
     (fx, x_name), (fy, y_name) = axis_of(run), axis_of(run, 1)
     for row, approach in zip(axes, approaches, strict=True):
-        own = rows_of(chart, chart["approach"] == approach)
-        x, i = np.unique(own["value"], return_inverse=True)
-        y, j = np.unique(own["value_2"], return_inverse=True)
+        cells = rows_of(chart, chart["approach"] == approach)
+        x, i = np.unique(cells["value"], return_inverse=True)
+        y, j = np.unique(cells["value_2"], return_inverse=True)
         for axis, data, text in (
-            (row[0], own["squeal_modes"], "squeal modes"),
-            (row[1], np.maximum(-own["worst_damping"], 0.0), "largest negative damping [-]"),
+            (row[0], cells["squeal_modes"], "squeal modes"),
+            (row[1], np.maximum(-cells["worst_damping"], 0.0), "largest negative damping [-]"),
         ):
             grid = np.full((y.size, x.size), np.nan)
             grid[j, i] = data

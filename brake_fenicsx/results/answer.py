@@ -105,12 +105,12 @@ def limits(run: RunData) -> dict[float, str]:
         run: the results; its threshold and the damping of the scene are read.
     """
     named = run.damping
-    own = f" (damping of the scene: {named})" if named else " (the model has no damping)"
+    damping = f" (damping of the scene: {named})" if named else " (the model has no damping)"
     texts: dict[float, list[str]] = {}
     for limit, text in (
         (run.threshold, "limit of the scene"),
         (USUAL, "customary limit in Abaqus"),
-        (0.0, f"every unstable mode{own if named is not None else ''}"),
+        (0.0, f"every unstable mode{damping if named is not None else ''}"),
     ):
         texts.setdefault(limit, []).append(text)
     return {limit: "; ".join(said) for limit, said in texts.items()}
@@ -129,10 +129,10 @@ def limit_rows(run: RunData, approaches: Sequence[str] | None = None) -> list[Li
         if n == 0 or modes is None:
             continue
         for limit, text in limits(run).items():
-            loud = run.squeal.of_good(approach) & squeals(modes, limit)
-            hits = np.unique(modes["sample"][loud]).size
+            squealing = run.squeal.of_good(approach) & squeals(modes, limit)
+            hits = np.unique(modes["sample"][squealing]).size
             share = share_cells(wilson(hits, n))
-            counts = int(loud.sum()), hits, n
+            counts = int(squealing.sum()), hits, n
             rows.append(LimitRow.of(approach, text, -limit or 0.0, *counts, *share))
     return rows
 
@@ -265,7 +265,7 @@ def open_points(run: RunData) -> str:
         run: the results; ``samples`` of its summary is read.
     """
     facts = run.summary.get("samples")
-    found = []
+    lines = []
     for name, about in facts.items() if isinstance(facts, Mapping) else ():
         said = []
         if missed := about.get("tolerance_missed"):
@@ -279,8 +279,8 @@ def open_points(run: RunData) -> str:
                 " may be missing"
             )
         if said:
-            found.append(f"{run.label(name)}: {', '.join(said)}")
-    return "; ".join(found) + " (samples.csv)" if found else ""
+            lines.append(f"{run.label(name)}: {', '.join(said)}")
+    return "; ".join(lines) + " (samples.csv)" if lines else ""
 
 
 def share_text(*interval: Value) -> str:

@@ -68,9 +68,9 @@ def prepare_blocks(study: Study) -> None:
     tabulate = blocks.tabulation_of(
         study.store, study.tasks, None if stability is None else stability.threshold
     )
-    own = {name for name, _ in study.tasks}
+    approaches = {name for name, _ in study.tasks}
     study.store.samples.tabulate = lambda tasks, load: (
-        tabulate(tasks, load) if tasks[0][0] in own else None
+        tabulate(tasks, load) if tasks[0][0] in approaches else None
     )
 
 
@@ -80,19 +80,19 @@ def write_results(study: Study) -> First:
     Returns:
         What was stored of the first good sample of each approach.
     """
-    first, facts, found = on_first(lambda: _tables(study), study.comm)
+    first, facts, approaches = on_first(lambda: _tables(study), study.comm)
     release_memory()
     study.facts |= facts
-    if found is not None:
+    if approaches is not None:
         samples = study.scene.samples
-        find_causes(samples, found, study.comm)
+        find_causes(samples, approaches, study.comm)
 
         def write() -> dict[str, Any]:
-            tables = cause_tables(samples, found)
+            tables = cause_tables(samples, approaches)
             for name, table in tables.items():
                 table.write(study.store.path(f"{name}.csv"))
             save_tables(study.store, CAUSES, {n: t.columns for n, t in tables.items()})
-            return probability_facts(samples, found)
+            return probability_facts(samples, approaches)
 
         study.facts["probabilities"] = on_first(write, study.comm)
     if study.brake.stuck:
@@ -146,18 +146,18 @@ def _tables(study: Study) -> tuple[First, dict[str, Any], list[Ensemble] | None]
             tables |= load(extra.make_tables)(stored)
     for name, table in tables.items():
         table.write(path(f"{name}.csv"))
-    found = None
+    approaches = None
     if stability is not None and {"stability", "uncertainty"} <= {*scene.stages}:
-        found = ensembles(run, stability.band)
-    return stored.first, facts, found
+        approaches = ensembles(run, stability.band)
+    return stored.first, facts, approaches
 
 
 def _contact(stored: StoredSamples, contact: Contact) -> Iterator[ContactElement]:
     """Contact elements of the first good sample of each approach."""
     for task, d in stored.first.items():
-        own = contact_of(contact, d)
+        elements = contact_of(contact, d)
         names = ("g", "g_cr", "p", "k", "k_vibration")
-        values = np.column_stack([own.points, own.w, *(d[name] for name in names)])
+        values = np.column_stack([elements.points, elements.w, *(d[name] for name in names)])
         for i, (row, law) in enumerate(zip(values, d["law"], strict=True)):
             yield ContactElement.of(*task, i, *map(float, row), int(law))
 
@@ -204,13 +204,13 @@ def _approach(
     stored: StoredSamples, name: str, names: list[str], good: list[bool]
 ) -> dict[str, Any]:
     """Figures over the good samples of an approach."""
-    own = [i for i, (of, ok) in enumerate(zip(names, good, strict=True)) if ok and of == name]
+    rows = [i for i, (of, ok) in enumerate(zip(names, good, strict=True)) if ok and of == name]
 
     def values(key: str) -> list[Any]:
         every = stored.of_each(key)
-        return [every[i] for i in own if every[i] is not None]
+        return [every[i] for i in rows if every[i] is not None]
 
-    about: dict[str, Any] = {"good": len(own)}
+    about: dict[str, Any] = {"good": len(rows)}
     if kinds := values("count_kind"):
         mine = np.asarray(stored.modes["approach"] == name)
         verdict = stored.modes["verdict"][mine]
@@ -228,7 +228,7 @@ def _approach(
         about["rejected_draws"] = sum(map(int, rejected))
     if beyond := max(map(float, values("beyond_laws")), default=0.0):
         about["force_share_beyond_laws"] = beyond
-    if own:
+    if rows:
         about["seconds_per_equilibrium"] = float(np.median(values("equilibrium_seconds")))
         about["newton_iterations"] = float(np.median(values("equilibrium_iterations")))
     return about

@@ -117,8 +117,8 @@ class RunData:
 
     def in_effect(self, section: str) -> Mapping[str, Any]:
         """Values of a section of the scene, defaults too; empty where there are none."""
-        found = self.summary.get("in_effect", {}).get(section)
-        return found if isinstance(found, Mapping) else {}
+        values = self.summary.get("in_effect", {}).get(section)
+        return values if isinstance(values, Mapping) else {}
 
     @property
     def threshold(self) -> float:
@@ -154,8 +154,8 @@ def eigenvalue_errors(modes: Columns) -> NDArray[np.float64]:
     real, f, error = (modes[name] for name in ("real_1_s", "frequency_hz", "error_estimate"))
     out = np.empty(len(f))
     for i in range(0, len(f), PART):
-        own = slice(i, i + PART)
-        out[own] = relative_errors(real[own] + 2j * np.pi * f[own], error[own])
+        part = slice(i, i + PART)
+        out[part] = relative_errors(real[part] + 2j * np.pi * f[part], error[part])
     return out
 
 
@@ -229,7 +229,7 @@ def _stored(run: RunData) -> StoredSamples | None:
 def _of_samples(run: RunData, stored: StoredSamples) -> dict[str, Any]:
     """Parts of a run that its samples tell."""
     in_effect = run.summary.get("in_effect", {})
-    found: dict[str, Any] = {
+    parts: dict[str, Any] = {
         "stored": stored, "samples": stored.samples, "extras": {},
         "modes": stored.modes
         if stored.modes.any or "stability" in in_effect.get("stages", ()) else None,
@@ -237,14 +237,14 @@ def _of_samples(run: RunData, stored: StoredSamples) -> dict[str, Any]:
     for extra in extras():
         if extra.make_tables and not in_effect.keys().isdisjoint(extra.sections):
             tables = load(extra.make_tables)(stored)
-            found["extras"] |= {name: table.columns for name, table in tables.items()}
+            parts["extras"] |= {name: table.columns for name, table in tables.items()}
         if extra.stage and not in_effect.keys().isdisjoint(extra.sections):
-            found["extras"] |= read_tables(run.directory / f"{extra.name}.npz")
+            parts["extras"] |= read_tables(run.directory / f"{extra.name}.npz")
     drivers = driver_table(stored, run.threshold)
     if drivers.cells:
         maps = contact_driver_table(stored, run.threshold)
-        found |= {"drivers": drivers.columns, "driver_maps": maps.columns}
-    return found
+        parts |= {"drivers": drivers.columns, "driver_maps": maps.columns}
+    return parts
 
 
 def save_tables(store: Store, name: str, tables: Mapping[str, Columns]) -> None:
@@ -265,11 +265,11 @@ def read_tables(path: Path) -> dict[str, Columns]:
     Raises:
         SceneError: the file is damaged.
     """
-    found: dict[str, dict[str, NDArray]] = {}
+    tables: dict[str, dict[str, NDArray]] = {}
     for name, values in (_arrays(path, ()) or {}).items():
         table, _, column = name.partition("/")
-        found.setdefault(table, {})[column] = values
-    return dict(found)
+        tables.setdefault(table, {})[column] = values
+    return dict(tables)
 
 
 def _arrays(path: Path, required: Sequence[str]) -> Arrays | None:
