@@ -218,8 +218,8 @@ def _draw_stiffness(axes: Axes, p: NDArray, k: NDArray, v: NDArray | None) -> No
             low, middle, high = np.quantile(rows, [0.05, 0.5, 0.95], axis=0)
             axes.fill_between(at, low, high, color=colour, alpha=0.35, lw=0, zorder=2.5)
             axes.plot(at, middle, color=BLACK, lw=1.6, label=text, zorder=3)
-    labels = {"xlabel": "mean pressure $p$ [MPa]", "ylabel": "stiffness $-p'(d)$ [N/mm$^3$]"}
-    finish(axes, title="(c) stiffness", xscale="log", yscale="log", **labels)
+    finish(axes, title="(c) stiffness", xscale="log", yscale="log")
+    axes.set(xlabel="mean pressure $p$ [MPa]", ylabel="stiffness $-p'(d)$ [N/mm$^3$]")
 
 
 def _at_common_pressures(values: NDArray, p: NDArray) -> tuple[NDArray, NDArray]:

@@ -205,8 +205,8 @@ def draw_bearing_curve(run: RunData) -> Figure | None:
         axis.plot(100 * share, height * UM, color=ORANGE, ls="--", label="artificial")
     if not axis.lines:
         return None
-    height = "height over the mean plane [µm]"
-    finish(axis, xlabel="material ratio [%]", ylabel=height, xlim=(0, 100))
+    over = "height over the mean plane [µm]"
+    finish(axis, xlabel="material ratio [%]", ylabel=over, xlim=(0, 100))
     axis.legend(loc="best")
     return figure
 

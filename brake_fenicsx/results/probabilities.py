@@ -323,9 +323,9 @@ def probability_rows(samples: Samples, approaches: Sequence[Ensemble]) -> Iterat
             above = "no" if share.high < samples.limit else above
             severity = share.value * abs(o.median_damping or 0.0)
             c = cause.correlation
-            strongest = [None] * 3 if cause.dominant is None else [c.rho, c.low, c.high]
-            cells = [*share.cells, o.median_damping, severity, above, cause.dominant, *strongest]
-            counts = [share.n, share.hits]
+            rho = (None, None, None) if cause.dominant is None else (c.rho, c.low, c.high)
+            cells = (*share.cells, o.median_damping, severity, above, cause.dominant, *rho)
+            counts = share.n, share.hits
             yield Probability.of(*e.place(o), *counts, *cells, *_shares(cause.growth, e))
 
 
