@@ -156,7 +156,7 @@ def report(options: Any, comm: Any) -> None:
 
     pipeline.report(Path(options.directory), pictures=options.pictures)
     if options.csv:
-        from brake_fenicsx.results.columns import write_csv
+        from brake_fenicsx.results.tables import write_csv
 
         write_csv(Path(options.directory, "modes.csv"))
 

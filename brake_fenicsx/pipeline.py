@@ -263,7 +263,7 @@ def brake_stage(this: Run) -> Brake:
 
 def note_open_points(this: Run) -> None:
     """Log what the modes of the samples leave open; the page says it from the summary."""
-    from brake_fenicsx.report.overview import open_points
+    from brake_fenicsx.results.answer import open_points
     from brake_fenicsx.results.run import RunData
 
     summary = {**this.facts, "in_effect": in_effect(this.scene)}
@@ -386,9 +386,8 @@ def report(
     from brake_fenicsx.report.figure_inputs import contact_maps
     from brake_fenicsx.report.figures import make_figures
     from brake_fenicsx.report.html import write_report
-    from brake_fenicsx.report.overview import summary_table
     from brake_fenicsx.report.surface_page import write_surface_tables
-    from brake_fenicsx.results.answer import write_tables
+    from brake_fenicsx.results.answer import summary_table, write_tables
     from brake_fenicsx.results.run import RunData, read_run
 
     if not directory.is_dir():

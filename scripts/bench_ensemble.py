@@ -168,7 +168,7 @@ def write_again(source: Path, target: Path, block: int) -> None:
 
 def intervals(args: argparse.Namespace) -> None:
     """First-order indices of Ishigami's function: error, width and coverage of the intervals."""
-    from brake_fenicsx.results.sensitivity import indices
+    from brake_fenicsx.results.ensemble_statistics import indices
     from brake_fenicsx.samples.designs import design_points, design_size
     from brake_fenicsx.scene.samples_section import Plan
 

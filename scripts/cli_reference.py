@@ -67,12 +67,7 @@ def page() -> str:
     return "\n".join([*lines, *STATES, *(f"| {n} | {linked(said)} |" for n, said in rows)]) + "\n"
 
 
-def main(path: Path = OUT) -> None:
-    path.write_text(page(), encoding="utf-8")
-    print(f"wrote {path}")
-
-
 if __name__ == "__main__":
-    arguments = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    arguments.add_argument("file", nargs="?", default=OUT, type=Path, metavar="FILE")
-    main(arguments.parse_args().file)
+    from generated_page import write_page
+
+    write_page(__doc__, OUT, page)

@@ -6,7 +6,6 @@ Run as: scripts/hard_cases.py [FILE]
 
 from __future__ import annotations
 
-import argparse
 import ast
 from collections.abc import Iterator
 from pathlib import Path
@@ -67,12 +66,7 @@ def _words(test: str) -> str:
     return test.removeprefix("test_").replace("_", " ")
 
 
-def main(path: Path = OUT) -> None:
-    path.write_text(page(), encoding="utf-8")
-    print(f"wrote {path}")
-
-
 if __name__ == "__main__":
-    words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    words.add_argument("file", nargs="?", default=OUT, type=Path, metavar="FILE")
-    main(words.parse_args().file)
+    from generated_page import write_page
+
+    write_page(__doc__, OUT, page)

@@ -17,12 +17,13 @@ from pathlib import Path
 import numpy as np
 from bench_ensemble import SCENE, study
 
-from brake_fenicsx.report.squeal_figures import KHZ, LINEAR_DAMPING
 from brake_fenicsx.report.style import (
     BLUE,
     DAMPING_LABEL,
     GREY,
+    KHZ,
     VERMILION,
+    damping_axis,
     house_style,
     new_figure,
     save,
@@ -85,7 +86,7 @@ def draw(runs: dict[str, RunData], file: Path) -> None:
                     modes["frequency_hz"][chosen] / 1e3, modes["damping"][chosen], s=size, lw=0,
                     color=colour, label=f"{text}: {chosen.sum()}", rasterized=True,
                 )  # fmt: skip
-            axis.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
+            damping_axis(axis)
             axis.set_yticks([-0.1, -0.01, -0.001, 0.0, 0.001, 0.01])
             axis.grid(axis="y", color="0.9", linewidth=0.6)
             axis.set_title(name, loc="left", fontsize=9)

@@ -34,10 +34,10 @@ from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.report.contact_figures import draw_contact_maps, draw_laws
 from brake_fenicsx.report.figure_inputs import contact_maps
-from brake_fenicsx.report.overview import summary_table
 from brake_fenicsx.report.squeal_figures import draw_squeal_map
 from brake_fenicsx.report.style import house_style, save
 from brake_fenicsx.report.surface_figures import draw_artificial, draw_statistics
+from brake_fenicsx.results.answer import summary_table
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.scene import read_scene
 

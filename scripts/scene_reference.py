@@ -6,7 +6,6 @@ Run as: scripts/scene_reference.py [FILE]
 
 from __future__ import annotations
 
-import argparse
 import inspect
 import re
 from collections.abc import Iterator
@@ -154,12 +153,7 @@ def _plain(text: str) -> str:
     return re.sub(r"\s+", " ", text).strip().replace("``", "`").replace("|", "\\|")
 
 
-def main(path: Path = OUT) -> None:
-    path.write_text(reference(), encoding="utf-8")
-    print(f"wrote {path}")
-
-
 if __name__ == "__main__":
-    words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    words.add_argument("file", nargs="?", default=OUT, type=Path, metavar="FILE")
-    main(words.parse_args().file)
+    from generated_page import write_page
+
+    write_page(__doc__, OUT, reference)

@@ -9,7 +9,6 @@ Run as: scripts/supported_files.py [FILE]
 
 from __future__ import annotations
 
-import argparse
 import re
 import tempfile
 import tomllib
@@ -141,12 +140,7 @@ def _row(word: str, known: Known) -> str:
     return f"| {' | '.join(cell.replace('|', ' or ') for cell in cells)} |"
 
 
-def main(path: Path = OUT) -> None:
-    path.write_text(page(), encoding="utf-8")
-    print(f"wrote {path}")
-
-
 if __name__ == "__main__":
-    arguments = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    arguments.add_argument("file", nargs="?", default=OUT, type=Path, metavar="FILE")
-    main(arguments.parse_args().file)
+    from generated_page import write_page
+
+    write_page(__doc__, OUT, page)

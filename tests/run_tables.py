@@ -3,6 +3,7 @@
 from dataclasses import astuple, replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from brake_fenicsx.report.mode_cards import ModeShape
@@ -32,6 +33,13 @@ CYCLES = ("limit_cycle", "limit_cycle_growth", "limit_cycle_families")
 def cells(rows):
     """Values of rows of a table."""
     return [list(astuple(row)) for row in rows]
+
+
+def mode(approach, sample, number, f, damping, family=-1, error=1e-6):
+    """A row of modes.csv of a frequency [Hz] and a damping."""
+    verdict = "unstable" if damping < 0 else "stable" if damping > 0 else "neutral"
+    real = -damping * np.pi * f
+    return [approach, sample, number, f, real, damping, 1e-12, error, 2.0, verdict, family]
 
 
 def read_rows(path):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +14,7 @@ from brake_fenicsx.results.run import Arrays, RunData, sort_approaches
 from brake_fenicsx.results.tables import Columns, rows_of
 
 from .fields import facet_means
-from .style import BLACK, BLUE, ORANGE, PRESSURE, label, light_grid, new_figure, panel
+from .style import BLACK, BLUE, ORANGE, PRESSURE, draw_field, finish, label, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,10 +44,8 @@ def draw_contact_maps(run: RunData) -> Figure | None:
         image = _draw_map(axis, maps, int(j), limits)
     for axis in axes.flat[chosen.size :]:
         axis.set_visible(False)
-    for axis in axes[-1]:
-        axis.set_xlabel("x [mm]")
-    for axis in axes[:, 0]:
-        axis.set_ylabel("y [mm]")
+    for axis in axes.flat:
+        axis.label_outer()
     shape = "{} x {}".format(*maps["pressures"].shape[1:])
     text = f"contact pressure [MPa], {shape} points; white: no contact"
     figure.colorbar(image, ax=list(axes.flat), label=text, extend="both", shrink=0.9)
@@ -61,18 +61,16 @@ def draw_laws(run: RunData) -> Figure | None:
     E_star = _modulus(laws)
     d, p, k = laws["d"] * 1e6, laws["p"], laws["k"]
     _draw_bundle(axes[0, 0], d, p / 1e6)
-    axes[0, 0].set(xlabel="separation $d$ [µm]", ylabel="mean pressure $p$ [MPa]")
-    axes[0, 0].set_ylim(bottom=0)
-    panel(axes[0, 0], "a", f"{d.shape[0]} laws, linear")
+    x, y = "separation $d$ [µm]", "mean pressure $p$ [MPa]"
+    linear = f"(a) {d.shape[0]} laws, linear"
+    finish(axes[0, 0], title=linear, xlabel=x, ylabel=y, ylim=(0, None))
     scale = E_star or 1e6
     _draw_bundle(axes[0, 1], d, p / scale)
-    text = "$p/E^*$ [-]" if E_star else "mean pressure $p$ [MPa]"
-    axes[0, 1].set(yscale="log", xlabel="separation $d$ [µm]", ylabel=text)
-    panel(axes[0, 1], "b", f"log, $E^*$ = {E_star / 1e6:.0f} MPa" if E_star else "log")
+    log = f"(b) log, $E^*$ = {E_star / 1e6:.0f} MPa" if E_star else "(b) log"
+    y = "$p/E^*$ [-]" if E_star else y
+    finish(axes[0, 1], title=log, yscale="log", xlabel=x, ylabel=y)
     _draw_stiffness(axes[0, 2], p / 1e6, k / 1e9, laws["v"] / 1e9 if "v" in laws else None)
     _mark_braking(axes[0, 2], run)
-    for axis in axes.flat:
-        light_grid(axis)
     axes[0, 0].legend(loc="upper right")
     handles, names = axes[0, 2].get_legend_handles_labels()
     shown = [(h, n) for h, n in zip(handles, names, strict=True) if n != "each law"]
@@ -139,25 +137,15 @@ def _draw_map(axes: Axes, maps: Arrays, j: int, limits: tuple[float, float]) -> 
 
     ramp = matplotlib.colormaps["inferno_r"](np.linspace(0.3, 1.0, 256))
     colours = LinearSegmentedColormap.from_list("contact", ramp)
-    colours.set_bad("white")
-    p = maps["pressures"][j] / 1e6
-    size = maps["size"] * 1e3
-    image = axes.imshow(
-        np.where(p > 0, p, np.nan).T,
-        origin="lower",
-        extent=(0, float(size[0]), 0, float(size[1])),
-        cmap=colours,
-        norm=LogNorm(*limits),
-        interpolation="nearest",
-    )
-    touching = int(np.count_nonzero(p > 0))
-    area = float(maps["area_fraction"][j])
+    p, size = maps["pressures"][j] / 1e6, maps["size"] * 1e3
+    shown = np.where(p > 0, p, np.nan)
+    image = draw_field(axes, shown, size, colours, "white", norm=LogNorm(*limits))
+    touching, area = int(np.count_nonzero(p > 0)), float(maps["area_fraction"][j])
     load = f"$p/E^*$ = {_power(float(maps['p_over_E'][j]))}"
     points = f" ({touching} points)" if touching < FEW_POINTS else ""
     axes.set_title(f"{load}\nreal contact {100 * area:.2g} %{points}", fontsize=8.5)
-    if touching < FEW_POINTS:
+    if points:
         _circle(axes, p > 0, size)
-    axes.spines[["top", "right"]].set_visible(True)
     return image
 
 
@@ -230,9 +218,8 @@ def _draw_stiffness(axes: Axes, p: NDArray, k: NDArray, v: NDArray | None) -> No
             low, middle, high = np.quantile(rows, [0.05, 0.5, 0.95], axis=0)
             axes.fill_between(at, low, high, color=colour, alpha=0.35, lw=0, zorder=2.5)
             axes.plot(at, middle, color=BLACK, lw=1.6, label=text, zorder=3)
-    axes.set(xscale="log", yscale="log")
+    finish(axes, title="(c) stiffness", xscale="log", yscale="log")
     axes.set(xlabel="mean pressure $p$ [MPa]", ylabel="stiffness $-p'(d)$ [N/mm$^3$]")
-    panel(axes, "c", "stiffness")
 
 
 def _at_common_pressures(values: NDArray, p: NDArray) -> tuple[NDArray, NDArray]:
@@ -250,9 +237,9 @@ def _at_common_pressures(values: NDArray, p: NDArray) -> tuple[NDArray, NDArray]
 
 def _mark_braking(axes: Axes, run: RunData) -> None:
     """Shade the pressures that the closed contact elements of the run really see."""
-    if (found := _braking(run)) is not None:
+    if (span := _braking(run)) is not None:
         axes.axvspan(
-            *found, color=ORANGE, alpha=0.18, lw=0, label="5 to 95 % of the\nbrake's patches"
+            *span, color=ORANGE, alpha=0.18, lw=0, label="5 to 95 % of the\nbrake's patches"
         )
 
 
@@ -268,35 +255,83 @@ def _braking(run: RunData) -> tuple[float, float] | None:
 
 
 def draw_contact_pressure(run: RunData) -> Figure | None:
-    """Pressure of the pads' facets at equilibrium, first stored sample of each approach.
-
-    Where the facets are not known, every element is drawn as a square of its area.
-    """
+    """Pressure of the pads' facets at equilibrium, first stored sample of each approach."""
     contact = None if run.contact is None else sliding_rows(run, run.contact)
     if contact is None or contact["element"].size == 0:
         return None
-    names = sort_approaches(set(map(str, contact["approach"])))
-    sides = pad_sides(contact["z"])
-    x, y = contact["x"] * 1e3, contact["y"] * 1e3
-    height = 1.05 + 5.6 / len(sides) * float(np.clip(np.ptp(y) / max(np.ptp(x), 1e-9), 0.2, 1.5))
-    figure, axes = new_figure(len(names), len(sides), height=height * len(names))
-    for row, name in zip(axes, names, strict=True):
+    maps = []
+    for name in sort_approaches(set(map(str, contact["approach"]))):
         mine = contact["approach"] == name
         sample = contact["sample"][mine].min()
-        own = mine & (contact["sample"] == sample)
-        p = contact["p"][own] / 1e6
+        rows = rows_of(contact, mine & (contact["sample"] == sample))
+        p = rows["p"] / 1e6
         top = float(np.quantile(p[p > 0], 0.98)) if np.any(p > 0) else 1.0
-        for axis, (side, inside) in zip(row, sides, strict=True):
-            chosen = own & inside
-            own_table = rows_of(contact, chosen)
-            corners, shown = patches(own_table, run.faces, own_table["p"])
-            shown = np.where(shown > 0, shown / 1e6, np.nan)
-            image = draw_patches(axis, corners, shown, PRESSURE, (0.0, top))
-            place = f"{label(run, name)}, sample {sample}, {side}"
-            axis.set_title(_headline(place, contact, chosen), fontsize=8.5)
-            axis.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
-        beyond = "max" if np.any(p > top) else "neither"
-        figure.colorbar(image, ax=list(row), label="pressure [MPa]", extend=beyond, shrink=0.9)
+        place = f"{label(run, name)}, sample {sample}"
+        ends = "max" if np.any(p > top) else "neither"
+        maps.append(PadMap(place, rows, p, (0.0, top), "pressure [MPa]", ends, _closed))
+    return draw_pads(run, maps, PRESSURE)
+
+
+def _closed(contact: Columns) -> str:
+    p, area = contact["p"], contact["area"]
+    mean = np.sum(p * area) / np.sum(area) / 1e6
+    return f":\n{np.sum(p > 0)} of {p.size} elements closed, mean {mean:.3g} MPa"
+
+
+@dataclass(frozen=True, slots=True)
+class PadMap:
+    """Values of contact elements over the faces of the pads.
+
+    Attributes:
+        place: beginning of the headings.
+        contact: rows of ``contact.csv`` of the elements.
+        values: one for each of them.
+        limits: of the colours; values up to a lower one of 0 are empty.
+        bar: label of the colour bar.
+        extend: ends of the bar that values pass, as Matplotlib names them.
+        more: what follows in the heading of a pad, from its rows.
+    """
+
+    place: str
+    contact: Columns
+    values: NDArray
+    limits: tuple[float, float]
+    bar: str
+    extend: str = "both"
+    more: Callable[[Columns], str] = lambda contact: ""
+
+
+def draw_pads(run: RunData, maps: Sequence[PadMap], colours: str) -> Figure:
+    """A row of panels with a colour bar for each map, a panel for each pad.
+
+    Where the facets are not known, every element is drawn as a square of its area.
+    """
+    from matplotlib.collections import PolyCollection
+
+    sides = len(_pad_sides(maps[0].contact["z"]))
+    x, y = (np.ptp(np.concatenate([m.contact[name] for m in maps])) for name in "xy")
+    height = 0.75 + 5.2 / sides * float(np.clip(y / max(x, 1e-9), 0.2, 1.5))
+    figure, axes = new_figure(len(maps), sides, height=height * len(maps))
+    for row, m in zip(axes, maps, strict=True):
+        for axis, (side, inside) in zip(row, _pad_sides(m.contact["z"]), strict=True):
+            pad = rows_of(m.contact, inside)
+            corners, shown = _patches(pad, run.faces, m.values[inside])
+            if m.limits[0] == 0:
+                shown = np.where(shown > 0, shown, np.nan)
+            image = PolyCollection(
+                list(corners * 1e3), cmap=colours, edgecolors="#b5b5b5", linewidths=0.15
+            )
+            image.set_array(shown)
+            image.set_clim(*m.limits)
+            image.cmap.set_bad("white")
+            axis.add_collection(image)
+            axis.autoscale_view()
+            axis.margins(0.03)
+            axis.set_title(f"{m.place}, {side}{m.more(pad)}", fontsize=8)
+            axis.set(ylabel="y [mm]", aspect="equal")
+        figure.colorbar(image, ax=list(row), label=m.bar, extend=m.extend, shrink=0.9)
+    for axis in axes[-1]:
+        axis.set_xlabel("x [mm]")
     return figure
 
 
@@ -308,20 +343,14 @@ def sliding_rows(run: RunData, contact: Columns) -> Columns:
     return rows_of(contact, slides[contact["element"]])
 
 
-def pad_sides(z: NDArray) -> list[tuple[str, NDArray]]:
+def _pad_sides(z: NDArray) -> list[tuple[str, NDArray]]:
     """Which contact elements lie on which pad, by their z [m]; each with a name."""
     if np.any(z > 0) and np.any(z < 0):
         return [("pad at z > 0", z > 0), ("pad at z < 0", z < 0)]
     return [("contact face", np.full(z.shape, True))]
 
 
-def _headline(place: str, contact: Columns, own: NDArray) -> str:
-    closed = int(np.sum(contact["p"][own] > 0))
-    mean = np.sum(contact["p"][own] * contact["area"][own]) / np.sum(contact["area"][own])
-    return f"{place}:\n{closed} of {own.sum()} elements closed, mean {mean / 1e6:.3g} MPa"
-
-
-def patches(contact: Columns, faces: Arrays | None, values: NDArray) -> tuple[NDArray, NDArray]:
+def _patches(contact: Columns, faces: Arrays | None, values: NDArray) -> tuple[NDArray, NDArray]:
     """Corners of the facets of some contact elements, and means of values over each.
 
     Args:
@@ -341,22 +370,6 @@ def patches(contact: Columns, faces: Arrays | None, values: NDArray) -> tuple[ND
             return corners[held][..., :2], means[held]
     centre = np.column_stack([contact["x"], contact["y"]])
     return centre[:, None, :] + _squares(centre, contact["area"]), values
-
-
-def draw_patches(
-    axes: Axes, corners: NDArray, values: NDArray, colours: str, limits: tuple[float, float]
-) -> Any:
-    """Patches coloured by a value; one that is nan is empty."""
-    from matplotlib.collections import PolyCollection
-
-    drawn = PolyCollection(list(corners * 1e3), cmap=colours, edgecolors="#b5b5b5", linewidths=0.15)
-    drawn.set_array(values)
-    drawn.set_clim(*limits)
-    drawn.cmap.set_bad("white")
-    axes.add_collection(drawn)
-    axes.autoscale_view()
-    axes.margins(0.03)
-    return drawn
 
 
 def _squares(centre: NDArray, area: NDArray) -> NDArray:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-
-if TYPE_CHECKING:
-    from brake_fenicsx.micro import LawRecipe
-    from brake_fenicsx.surface import SurfaceStatistics
+from brake_fenicsx.folder.store import Store
+from brake_fenicsx.micro import LawRecipe, LawSettings, load_laws, solve_contact
+from brake_fenicsx.surface import SurfaceStatistics, radial_psd
+from brake_fenicsx.surface.hdf import kernel_density
+from brake_fenicsx.surface.iso25178 import iso_parameters
 
 MOMENTS = ("mean", "median", "S_q", "S_sk", "S_ku")
 MOMENT_ERRORS = ("mean_error", "S_q_error", "S_sk_error", "S_ku_error")
@@ -51,9 +52,6 @@ def surface_arrays(
         out |= {"heights": heights, "size": topos[0].size}
         out["scan_C"] = np.array([s.psd.C for s in stats.scans if s.psd is not None])
     if recipe is not None:
-        from brake_fenicsx.surface import radial_psd
-        from brake_fenicsx.surface.hdf import kernel_density
-
         made = recipe.surface(seed, 0)
         psd = radial_psd(made)
         out |= {
@@ -83,8 +81,6 @@ def surface_numbers(stats: SurfaceStatistics) -> dict[str, Any]:
     numbers["fit_rms"] = fit.rms
     found: dict[str, Any] = {}
     if stats.topography is not None:
-        from brake_fenicsx.surface.iso25178 import iso_parameters
-
         found = dict(iso_parameters(stats.topography))
     each = [surface_numbers(scan) for scan in stats.scans]
     if each:
@@ -112,15 +108,11 @@ def contact_maps(directory: Path) -> None:
     It is pressed like the law, with its hardness and its boundary, up to the end of the law.
     Nothing is done without laws, or twice.
     """
-    from brake_fenicsx.folder.store import Store
-
     store = Store(directory)
     surface = store.load("surface.npz")
     made = store.path("laws.npz").exists() and not store.path("contact_maps.npz").exists()
     if surface is None or not made:
         return
-    from brake_fenicsx.micro import LawSettings, load_laws, solve_contact
-
     how, names = load_laws(store.path("laws.npz")).settings, [f.name for f in fields(LawSettings)]
     heights, size = (surface.get(n, np.empty(0)) for n in ("artificial", "artificial_size"))
     if {*names} - {*how} or [*heights.shape] != [*how["shape"]]:

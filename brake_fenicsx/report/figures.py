@@ -35,15 +35,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """One figure: the name of its files, its caption, and how it is drawn."""
+    """One figure: the name of its files, its caption, and how it is drawn.
+
+    SQUEAL in a caption stands for what counts as squeal.
+    """
 
     name: str
     caption: str | Callable[[RunData], str]
     draw: Callable[[RunData], Figure | None]
 
-    def told(self, run: RunData) -> str:
+    def caption_of(self, run: RunData) -> str:
         """The caption of the figure of a run."""
-        return self.caption if isinstance(self.caption, str) else self.caption(run)
+        text = self.caption if isinstance(self.caption, str) else self.caption(run)
+        return text.replace("SQUEAL", f"Squeal: {run.criterion}.")
 
 
 def _of_extra(extra: Extra, draw: str, run: RunData) -> Figure | None:
@@ -90,37 +94,37 @@ PLOTS: tuple[Plot, ...] = (
         "Frequency and damping of every complex mode of every sample; the scale is linear between "
         "-0.0001 and 0.0001 and logarithmic beyond. Negative damping is an unstable mode, "
         "grey where it lies above the threshold of squeal. Without damping terms an unstable mode "
-        "has a mirror image that decays.",
+        "has a mirror image that decays. SQUEAL",
         draw_squeal_map,
     ),
     Plot(
         "squeal_families",
         "Squeal modes by family (the same mode recognised in many samples), the most severe first: "
         "mean frequency, number of samples in which the family squeals, median damping there; the "
-        "same colour marks the same frequency.",
+        "same colour marks the same frequency. SQUEAL",
         draw_families,
     ),
     Plot(
         "probability_per_band",
         "Probability that a brake of the population has at least one squeal mode in the band: "
-        "share of samples, with 95 % Wilson intervals.",
+        "share of samples, with 95 % Wilson intervals. SQUEAL",
         draw_probability,
     ),
     Plot(
         "unstable_per_sample",
-        "Number of squeal modes per sample: share of samples with each number.",
+        "Number of squeal modes per sample: share of samples with each number. SQUEAL",
         draw_counts,
     ),
     Plot(
         "convergence",
         "Convergence with the number of samples: share of samples with a squeal mode, and mean "
-        "number of squeal modes, with 95 % intervals.",
+        "number of squeal modes, with 95 % intervals. SQUEAL",
         draw_convergence,
     ),
     Plot(
         "input_correlations",
         "Inputs correlated with squeal: Spearman's rank correlation of each random input with the "
-        "number of squeal modes of the sample, from -1 to 1, with 95 % intervals.",
+        "number of squeal modes of the sample, from -1 to 1, with 95 % intervals. SQUEAL",
         draw_correlations,
     ),
     Plot(
@@ -130,7 +134,7 @@ PLOTS: tuple[Plot, ...] = (
         "roughness, where it is one of them, is all that laws and critical gaps do. Diamonds: "
         "total share, with all interactions of the input, also those with the roughness, where "
         "the design provides it. Empty bars: too few samples for an interval. Negative shares are "
-        "sampling error of the estimate.",
+        "sampling error of the estimate. SQUEAL",
         draw_sensitivity,
     ),
     Plot(
@@ -139,25 +143,25 @@ PLOTS: tuple[Plot, ...] = (
         "below. Dots: two modes merge (lock-in); squares: they split; diamonds: two damped modes "
         "pass next to a merging point. Coloured: branches that squeal, with their frequency at the "
         "onset and the values at which squeal begins and ends (filled and hollow triangles). "
-        "Lines are straight between computed points. Dotted: the threshold of squeal.",
+        "Lines are straight between computed points. Dotted: the threshold of squeal. SQUEAL",
         draw_branches,
     ),
     Plot(
         "sweep_critical",
         "Distribution of the critical value: share of the rough samples in which each family "
-        "squeals up to a value of the parameter, with 95 % Wilson intervals.",
+        "squeals up to a value of the parameter, with 95 % Wilson intervals. SQUEAL",
         draw_critical,
     ),
     Plot(
         "sweep_samples",
         "Range over the samples of the sweep: lowest damping of any mode of a sample, and "
-        "number of its squeal modes.",
+        "number of its squeal modes. SQUEAL",
         draw_worst,
     ),
     Plot(
         "sweep_chart",
         "Stability chart over two parameters: number of squeal modes of the nominal brake, "
-        "and its largest negative damping. White line: where squeal begins.",
+        "and its largest negative damping. White line: where squeal begins. SQUEAL",
         draw_chart,
     ),
     Plot(
@@ -168,7 +172,7 @@ PLOTS: tuple[Plot, ...] = (
         "and the last, which has the most random inputs. Bars: first sample of the approach; "
         "hollow bars are not reliable, because the mode nearly merges with another one. Diamonds: "
         "median over the samples where the family squeals. Above: mean frequency of the family, "
-        "and alpha, the median where there is one.",
+        "and alpha, the median where there is one. SQUEAL",
         draw_drivers,
     ),
     Plot(
@@ -259,11 +263,6 @@ def _draw(plot: Plot, run: RunData, folder: Path) -> list[Path]:
 
 
 NAMED = {plot.name: plot for plot in PLOTS}
-JUDGED = {  # figures of what squeals
-    "figure9_squeal_map", "squeal_families", "probability_per_band", "unstable_per_sample",
-    "convergence", "input_correlations", "sensitivity", "drivers", "sweep_branches",
-    "sweep_critical", "sweep_samples", "sweep_chart",
-}  # fmt: skip
 
 
 def figures(run: RunData, *names: str, look: str = "plot") -> list[Block]:
@@ -274,9 +273,8 @@ def figures(run: RunData, *names: str, look: str = "plot") -> list[Block]:
         names: of the figures.
         look: see `Picture`.
     """
-    said = {name: f" Squeal: {run.criterion}." if name in JUDGED else "" for name in names}
     paths = {name: run.directory / "figures" / f"{name}.png" for name in names}
     return [
-        Picture(path, NAMED[name].told(run) + said[name], look)
+        Picture(path, NAMED[name].caption_of(run), look)
         for name, path in paths.items() if path.is_file()
     ]  # fmt: skip

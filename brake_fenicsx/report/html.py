@@ -1,25 +1,34 @@
-"""One self-contained HTML page of a run: opens offline, prints well, every text escaped."""
+"""One self-contained HTML page of a run: opens offline, prints well.
+
+The first screen is in ``verdict``; the sections for who decides on the brake stand here, those on
+single parameters and the appendix for specialists in ``sections``.
+"""
 
 from __future__ import annotations
 
-import base64
-import io
-from functools import cache
-from importlib import import_module
 from pathlib import Path
-from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-
-from brake_fenicsx.folder.files import whole_file
+from brake_fenicsx.extensions import load, shown
+from brake_fenicsx.results.answer import approach_rows, for_reading
 from brake_fenicsx.results.run import RunData, read_run
-from brake_fenicsx.results.tables import Value, show
+from brake_fenicsx.results.tables import Value
 
-from .figures import make_figures
-from .mode_cards import ModePictures
-from .sections import CARDS, appendix_sections, main_sections, more_cards
+from .figures import figures, make_figures
+from .mode_cards import (
+    Card,
+    ModePictures,
+    family_card,
+    family_table_cells,
+    often_text,
+    other_cards,
+)
+from .page_blocks import Block, Picture, Section, Special, Table, Text, render, write_page
+from .sections import appendix_sections, forces_blocks, input_blocks, rows_of_each, sweep_blocks
+from .squeal_figures import squeal_map
 from .surface_page import of_surface, surface_sections, surface_verdict
-from .verdict import leading_approach, make_verdict
+from .verdict import make_verdict
+
+CARDS = 6  # mode shapes before the appendix, beside those of the first screen
 
 
 def write_report(directory: str | Path | RunData, redraw: bool = True) -> Path:
@@ -51,30 +60,21 @@ def render_page(run: RunData) -> str:
         HTML that is well-formed XML too; sections without content are left out.
     """
     if of_surface(run):
-        return render(
-            "page.html.j2",
-            title=f"Surface and contact laws: {_name(run)}",
-            meta=_meta(run),
-            verdict=surface_verdict(run),
-            sections=surface_sections(run),
-            appendix=appendix_sections(run),
-        )
-    found = {name: run.squeal.families(name) for name in run.approaches}
-    pictures, lead = ModePictures(run), leading_approach(run)
-    verdict = make_verdict(run, found, lead, pictures)
-    cards = more_cards(run, found, pictures, {card.key for card in verdict.cards if card.key})
+        what, verdict, cards = "Surface and contact laws", surface_verdict(run), list[Card]()
+        sections = surface_sections(run)
+    else:
+        what, pictures = "Brake squeal study", ModePictures(run)
+        verdict = make_verdict(run, pictures)
+        cards = _more_cards(run, pictures, {card.key for card in verdict.cards if card.key})
+        sections = _main_sections(run, pictures, cards)
     return render(
         "page.html.j2",
-        title=f"Brake squeal study: {_name(run)}",
+        title=f"{what}: {run.summary.get('name') or run.directory.resolve().name}",
         meta=_meta(run),
         verdict=verdict,
-        sections=main_sections(run, found, lead, pictures, cards),
-        appendix=appendix_sections(run, cards[CARDS:]),
+        sections=[section for section in sections if section.blocks],
+        appendix=[s for s in appendix_sections(run, cards[CARDS:]) if s.blocks],
     )
-
-
-def _name(run: RunData) -> str:
-    return str(run.summary.get("name") or run.directory.resolve().name)
 
 
 def _meta(run: RunData) -> list[str]:
@@ -89,84 +89,119 @@ def _meta(run: RunData) -> list[str]:
     return [text for text in said if text]
 
 
-WIDEST = 1440  # pixels of a picture inside a page
-SMALL = 150_000  # bytes up to which a PNG is stored as it is
-SHORT = 28  # characters that are not broken into lines
+def _main_sections(run: RunData, pictures: ModePictures, cards: list[Card]) -> list[Section]:
+    """All sections before the appendix.
+
+    Args:
+        run: the results; figures are read from its ``figures`` folder.
+        pictures: pictures of mode shapes.
+        cards: those that the first screen does not show.
+    """
+    # Figures of the scene's section [extensions].
+    names = run.summary.get("settings", {}).get("extensions", {}).get("figures", {})
+    own = {name: run.directory / "figures" / f"own_{name}.png" for name in names}
+    return [
+        Section("squeal", "Squeal map", _squeal(run, pictures)),
+        Section("shapes", "More mode shapes", _shapes(run, pictures, cards)),
+        Section("probability", "Probability of squeal",
+                figures(run, "probability_per_band", "unstable_per_sample", look="half")),
+        Section("sweep", "Lock-in over the parameter", sweep_blocks(run)),
+        Section("inputs", "Which inputs cause it", input_blocks(run)),
+        *(
+            Section(key, title, [*load(blocks)(run), *figures(run, *extra.figures)])
+            for extra in shown(run) for key, title, blocks in (extra.page,) if key
+        ),
+        Section("own", "Own figures",
+                [Picture(path, name) for name, path in own.items() if path.is_file()]),
+        Section("drivers", "What drives a mode", figures(run, "drivers", look="tall")),
+        Section("pressure", "Contact pressure and forces",
+                [*figures(run, "contact_pressure", look="tall"), *forces_blocks(run)]),
+    ]  # fmt: skip
 
 
-@cache
-def _environment() -> Environment:
-    found = Environment(
-        loader=PackageLoader("brake_fenicsx.report"),
-        autoescape=select_autoescape(default=True),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+def _squeal(run: RunData, pictures: ModePictures) -> list[Block]:
+    """The map of all modes, counts of the approaches, the most severe families."""
+    found = squeal_map(run, pictures)
+    if found is None:
+        return []
+    table = for_reading(
+        run, approach_rows(run), "threshold", "most_severe",
+        squeal_modes=f"squeal modes ({run.criterion})", share="share of squeal samples",
+    )  # fmt: skip
+    return [
+        Text(
+            "Every point is a complex mode of a sample with the eigenvalue alpha + i omega; its"
+            " damping is -2 alpha / |omega|, twice the damping ratio. Negative damping: the mode"
+            f" is unstable. It counts as squeal with {run.criterion} (stability.threshold of the"
+            " scene). This linear analysis does not predict the amplitude."
+        ),
+        Special("map", found),
+        Table(*table),
+        Text(
+            "Neutral: the sign of the growth rate is uncertain within its numerical error, or the"
+            " mode is a rigid-body motion. Shares have 95 % Wilson intervals, which describe the"
+            " sampling error and not the error of the model."
+        ),
+        *_families(run, pictures),
+        *figures(run, "figure9_squeal_map", look="still"),
+    ]
+
+
+def _families(run: RunData, pictures: ModePictures) -> list[Block]:
+    """The most severe families of each approach."""
+    most = rows_of_each(run)
+    rows: list[list[Value]] = [
+        [
+            run.label(f.approach), "by frequency" if f.key < 0 else f.key, f.kilohertz,
+            often_text(f), f.median, f.worst, *family_table_cells(run, f, pictures),
+        ]
+        for found in run.families.values() for f in found[:most]
+    ]  # fmt: skip
+    if not rows:
+        return []
+    heads = [
+        "approach", "family", "frequency [kHz]", f"squeal samples ({run.criterion})",
+        "median damping [-]", "lowest damping [-]",
+        "moving parts (kinetic energy)", "nodal diameters",
+    ]  # fmt: skip
+    left = sum(map(len, run.families.values())) - len(rows)
+    rest = "family" if left == 1 else "families"
+    more = f" {left} less severe {rest}: tables/families.csv." if left else ""
+    note = (
+        "A family is the same mode recognised in many samples. Families are ranked by severity:"
+        " the share of samples in which the family squeals, times the median of its damping there."
     )
-    found.filters |= {"show": show, "cell": _cell, "picture": picture, "raw": _uri}
-    return found
+    return [Text(note + more), Table.without_empty(heads, rows)]
 
 
-def render(name: str, **content: Any) -> str:
-    """A page as text, from one of the package's templates.
-
-    Args:
-        name: file of the template.
-        **content: what it shows.
-
-    Returns:
-        HTML that is well-formed XML too.
-    """
-    return _environment().get_template(name).render(**content)
-
-
-def write_page(path: Path, text: str) -> Path:
-    """Write a page at once: the file appears complete or not at all.
-
-    Args:
-        path: the file; replaced if it exists.
-        text: its content.
-
-    Returns:
-        The path.
-    """
-    with whole_file(path) as part:
-        part.write_text(text, encoding="utf-8")
-    return path
+def _more_cards(run: RunData, pictures: ModePictures, shown: set[str]) -> list[Card]:
+    """Cards of all pictures that the first screen does not show, the most severe families first."""
+    # Of every approach the first, then of every approach the second, ...
+    ranked = [(rank, f) for found in run.families.values() for rank, f in enumerate(found)]
+    cards = [
+        family_card(run, f, pictures)
+        for _, f in sorted(ranked, key=lambda place: place[0])
+        if (key := pictures.of_family(f)) and key not in shown
+    ]
+    return cards + other_cards(pictures, shown | {card.key for card in cards})
 
 
-def picture(source: Path | bytes, width: int = WIDEST) -> str:
-    """Address of a still picture inside a page: a small file as it is, others as WebP.
-
-    Args:
-        source: file of the picture, or its bytes.
-        width: pixels of its width at most.
-    """
-    data = source if isinstance(source, bytes) else source.read_bytes()
-    if data.startswith(b"\x89PNG") and len(data) <= SMALL and width == WIDEST:
-        return _uri(data, "png")
-    pillow: Any = import_module("PIL.Image")  # comes with matplotlib
-    with pillow.open(io.BytesIO(data)) as drawn:
-        still = drawn.convert("RGB")
-    if still.width > width:
-        still = still.resize((width, round(width * still.height / still.width)), pillow.LANCZOS)
-    small = io.BytesIO()
-    still.save(small, "WEBP", quality=85, method=4)
-    return _uri(small.getvalue())
-
-
-def _uri(source: Path | bytes, form: str = "webp") -> str:
-    """Address of a picture inside a page, as it is."""
-    return f"data:image/{form};base64,{_base64(source)}"
-
-
-def _base64(source: Path | bytes) -> str:
-    data = source if isinstance(source, bytes) else source.read_bytes()
-    return base64.b64encode(data).decode("ascii")
-
-
-def _cell(value: Value) -> str:
-    """Class of a cell in the style sheet."""
-    if isinstance(value, int | float):
-        return "number"
-    return "short" if isinstance(value, str) and len(value) <= SHORT else ""
+def _shapes(run: RunData, pictures: ModePictures, cards: list[Card]) -> list[Block]:
+    """The first of the cards that the first screen does not show."""
+    blocks: list[Block] = []
+    if cards:
+        left = len(cards) - CARDS
+        more = f" {left} more: appendix." if left > 0 else ""
+        blocks = [
+            Text(
+                "Squeal mode of median damping of each of the most severe families, at the"
+                " phase of largest motion. Bodies are side by side, the bottom one on the left."
+                " Colour: displacement relative to its maximum. Pictures from both sides: figures/."
+                f"{more}"
+            ),
+            Special("shapes", cards[:CARDS]),
+        ]
+    calm = [run.label(name) for name, found in run.families.items() if not found]
+    if calm and pictures.paths:
+        blocks.append(Text(f"No mode of any sample squeals: {', '.join(calm)}."))
+    return blocks

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brake_fenicsx.results.ensemble_statistics import Correlation, rank_correlation
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import SAMPLES, Columns, rows_of
 
-from .contact_figures import draw_patches, pad_sides, patches, sliding_rows
+from .contact_figures import PadMap, draw_pads, sliding_rows
 from .style import (
     BLACK,
     BLUE,
@@ -22,8 +21,8 @@ from .style import (
     PURPLE,
     SKY,
     VERMILION,
+    finish,
     label,
-    light_grid,
     look,
     new_figure,
 )
@@ -57,10 +56,10 @@ def draw_sensitivity(run: RunData, most: int = 6) -> Figure | None:
         return None
     figure, axes = new_figure(len(names), 1, height=0.9 + 2.4 * len(names), sharey=True)
     for axis, name in zip(axes.flat, names, strict=True):
-        own = table["approach"] == name
-        _draw(axis, rows_of(table, own), most)
-        samples = f", {table['samples'][own][0]} samples"
-        axis.set_title(f"{label(run, name)}: {table['method'][own][0]}{samples}")
+        rows = table["approach"] == name
+        _draw(axis, rows_of(table, rows), most)
+        samples = f", {table['samples'][rows][0]} samples"
+        axis.set_title(f"{label(run, name)}: {table['method'][rows][0]}{samples}")
     axes[0, 0].legend(fontsize=7.5, ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.1))
     return figure
 
@@ -77,19 +76,18 @@ def _draw(axis: Axes, table: Columns, most: int) -> None:
     width = 0.8 / len(inputs)
     marks = []
     for j, (scope, where) in enumerate(groups):
-        own = (table["scope"] == scope) & (table["where"].astype(str) == where)
-        hertz = float(table["frequency_hz"][own][0])
+        rows = (table["scope"] == scope) & (table["where"].astype(str) == where)
+        hertz = float(table["frequency_hz"][rows][0])
         family = f"{hertz / 1e3:.3f} kHz\n(family {where})"
         marks.append(f"{where} Hz" if scope == "band" else family)
         for i, key in enumerate(inputs):
             x = j - 0.4 + (i + 0.5) * width
             name = key if j == 0 else None
             look = CYCLE[i % len(CYCLE)], HATCHES[i % len(HATCHES)]
-            _bar(axis, table, own & (table["input"] == key), x, width, look, name)
+            _bar(axis, table, rows & (table["input"] == key), x, width, look, name)
     axis.axhline(0.0, color=BLACK, lw=0.7)
     axis.set_xticks(range(len(groups)), marks)
-    axis.set_ylabel("share of the variance\nof the growth rate [-]")
-    light_grid(axis, axis="y")
+    finish(axis, "y", ylabel="share of the variance\nof the growth rate [-]")
 
 
 def _bar(
@@ -141,27 +139,27 @@ def correlations(run: RunData, approach: str) -> list[tuple[str, Correlation]]:
         return []
     good = (run.samples["approach"] == approach) & (run.samples["status"] == "ok")
     order = np.argsort(run.samples["sample"][good], kind="stable")
-    found = []
+    inputs = []
     for name, column in run.samples.items():
         if name in NO_INPUT or not np.issubdtype(column.dtype, np.number):
             continue
         values = column[good][order].astype(float)
         if np.all(np.isfinite(values)) and np.ptp(values) > 0:
-            found.append((name, rank_correlation(values, per_sample)))
+            inputs.append((name, rank_correlation(values, per_sample)))
     # The mean friction says nothing beside the friction of the one interface it is the mean of.
-    frictions = [name for name, _ in found if name.startswith("contact.")]
-    found = [d for d in found if d[0] != "mu" or len(frictions) != 1]
-    return sorted(found, key=lambda d: -abs(d[1].rho))
+    frictions = [name for name, _ in inputs if name.startswith("contact.")]
+    inputs = [d for d in inputs if d[0] != "mu" or len(frictions) != 1]
+    return sorted(inputs, key=lambda d: -abs(d[1].rho))
 
 
 def draw_correlations(run: RunData, most: int = 12) -> Figure | None:
     """Bars of the rank correlations with their intervals, one panel per approach."""
     shown = [(a, correlations(run, a)[:most]) for a in run.approaches]
-    shown = [(a, found) for a, found in shown if found]
+    shown = [(a, inputs) for a, inputs in shown if inputs]
     if not shown:
         return None
-    rows = sum(len(found) for _, found in shown)
-    heights = [len(found) + 1 for _, found in shown]
+    rows = sum(len(inputs) for _, inputs in shown)
+    heights = [len(inputs) + 1 for _, inputs in shown]
     figure, axes = new_figure(
         len(shown),
         1,
@@ -169,17 +167,16 @@ def draw_correlations(run: RunData, most: int = 12) -> Figure | None:
         sharex=True,
         gridspec_kw={"height_ratios": heights},
     )
-    for axis, (approach, found) in zip(axes.flat, shown, strict=True):
-        y = np.arange(len(found))[::-1]
-        rho = np.array([c.rho for _, c in found])
-        reach = np.array([[c.rho - c.low, c.high - c.rho] for _, c in found]).T
+    for axis, (approach, inputs) in zip(axes.flat, shown, strict=True):
+        y = np.arange(len(inputs))[::-1]
+        rho = np.array([c.rho for _, c in inputs])
+        reach = np.array([[c.rho - c.low, c.high - c.rho] for _, c in inputs]).T
         axis.barh(y, rho, 0.7, color=look(approach)[0], alpha=0.75)
         axis.errorbar(rho, y, xerr=reach, fmt="none", ecolor=BLACK, elinewidth=1, capsize=2)
         axis.axvline(0.0, color=BLACK, lw=0.7)
-        axis.set_yticks(y, [name for name, _ in found])
-        axis.set(xlim=(-1, 1), ylim=(-0.6, len(found) - 0.4))
-        axis.set_title(f"{label(run, approach)}: {run.squeal.count(approach).samples} samples")
-        light_grid(axis, axis="x")
+        axis.set_yticks(y, [name for name, _ in inputs])
+        title = f"{label(run, approach)}: {run.squeal.count(approach).samples} samples"
+        finish(axis, "x", title=title, xlim=(-1, 1), ylim=(-0.6, len(inputs) - 0.4))
     what = f"the number of squeal modes ({run.criterion})"
     axes[-1, 0].set_xlabel(f"rank correlation with {what} [-]")
     return figure
@@ -208,21 +205,21 @@ def draw_drivers(run: RunData) -> Figure | None:
     are not trusted.
     """
     rows = [(name, _families(run, name)) for name in run.approaches]
-    rows = [(name, found) for name, found in rows if found]
+    rows = [(name, families) for name, families in rows if families]
     if len(rows) > 2:
         # The simplest approach, and that of the most random inputs: a page has no room for more.
         rows = [rows[0], rows[-1]]
     if run.drivers is None or not rows:
         return None
     names = _parameters(run.drivers)
-    columns = max(len(found) for _, found in rows)
+    columns = max(len(families) for _, families in rows)
     figure, axes = new_figure(
         len(rows), columns, height=(0.165 * len(names) + 0.75) * len(rows) + 0.55, sharey=True
     )
-    for row, (approach, found) in zip(axes, rows, strict=True):
-        for axis, family in zip(row, found, strict=False):
+    for row, (approach, families) in zip(axes, rows, strict=True):
+        for axis, family in zip(row, families, strict=False):
             _draw_bars(axis, run.drivers, approach, family, names)
-        for axis in row[len(found) :]:
+        for axis in row[len(families) :]:
             axis.set_visible(False)
         row[0].set_ylabel(label(run, approach))
     axes[0, 0].set_yticks(range(len(names)), [_text(*name) for name in names], fontsize=7.5)
@@ -243,36 +240,22 @@ def draw_driver_maps(run: RunData) -> Figure | None:
     contact = sliding_rows(run, contact)
     if not contact["element"].size:
         return None
-    modes = [m for name in run.approaches if (m := _most_unstable(run, name)) is not None]
-    sides = pad_sides(contact["z"])
-    x, y = contact["x"] * 1e3, contact["y"] * 1e3
-    height = 0.55 + 5.0 / len(sides) * float(np.clip(np.ptp(y) / max(np.ptp(x), 1e-9), 0.2, 1.5))
-    figure, axes = new_figure(
-        len(modes) * len(MAPS), len(sides), height=height * len(modes) * len(MAPS)
-    )
-    panels = [(mode, quantity) for mode in modes for quantity in MAPS]
-    for row, ((approach, sample, mode, frequency), (column, text, factor)) in zip(
-        axes, panels, strict=True
-    ):
-        own = (contact["approach"] == approach) & (contact["sample"] == sample)
-        table = rows_of(contact, own)
-        chosen = (maps["approach"] == approach) & (maps["sample"] == sample)
-        chosen &= maps["mode"] == mode
-        every = np.zeros(1 + max(maps["element"].max(), contact["element"].max()))
-        every[maps["element"][chosen]] = maps[column][chosen]
-        values = every[table["element"]] / table["area"] * factor
-        top = float(np.quantile(np.abs(values[values != 0]), 0.98)) if values.any() else 1.0
-        for axis, (side, inside) in zip(row, pad_sides(table["z"]), strict=True):
-            part = rows_of(table, inside)
-            corners, shown = patches(part, run.faces, values[inside])
-            image = draw_patches(axis, corners, shown, SIGNED, (-top, top))
-            where = f"{label(run, approach)}, {frequency / 1e3:.3f} kHz, {side}"
-            axis.set_title(where, fontsize=8)
-            axis.set(ylabel="y [mm]", aspect="equal")
-        figure.colorbar(image, ax=list(row), label=text, extend="both", shrink=0.9)
-    for axis in axes[-1]:
-        axis.set_xlabel("x [mm]")
-    return figure
+    drawn = []
+    for name in run.approaches:
+        if (mode := _most_unstable(run, name)) is None:
+            continue
+        sample, number, frequency = mode
+        rows = (contact["approach"] == name) & (contact["sample"] == sample)
+        table = rows_of(contact, rows)
+        chosen = (maps["approach"] == name) & (maps["sample"] == sample) & (maps["mode"] == number)
+        for column, text, factor in MAPS:
+            every = np.zeros(1 + max(maps["element"].max(), contact["element"].max()))
+            every[maps["element"][chosen]] = maps[column][chosen]
+            values = every[table["element"]] / table["area"] * factor
+            top = float(np.quantile(np.abs(values[values != 0]), 0.98)) if values.any() else 1.0
+            place = f"{label(run, name)}, {frequency / 1e3:.3f} kHz"
+            drawn.append(PadMap(place, table, values, (-top, top), text))
+    return draw_pads(run, drawn, SIGNED)
 
 
 def _families(run: RunData, approach: str) -> list[Family]:
@@ -297,9 +280,9 @@ def _draw_bars(
     axis: Axes, table: Columns, approach: str, family: Family, names: list[tuple[str, str]]
 ) -> None:
     """Bars of one family; of several modes of it in the first sample the most unstable one."""
-    own = (table["approach"] == approach) & (table["family"] == family.number)
-    median = own & (table["sample"].astype(str) == MEDIAN)
-    first = own & ~median
+    rows = (table["approach"] == approach) & (table["family"] == family.number)
+    median = rows & (table["sample"].astype(str) == MEDIAN)
+    first = rows & ~median
     if first.any():
         first &= table["alpha"] == table["alpha"][first].max()
     for y, (parameter, kind) in enumerate(names):
@@ -314,23 +297,20 @@ def _draw_bars(
         for i in np.flatnonzero(median & named):
             axis.plot(step * table["dalpha_dp_1_s"][i], y, "D", color=BLACK, ms=3)
     axis.axvline(0.0, color=BLACK, lw=0.7)
-    light_grid(axis, axis="x")
+    finish(axis, "x")
     alpha = table["alpha"][median if median.any() else first][0]
     axis.set_title(f"{family.kilohertz} kHz\nalpha {alpha:.4g} 1/s", fontsize=8)
     axis.tick_params(axis="x", labelsize=7)
     axis.locator_params(axis="x", nbins=4)
 
 
-def _most_unstable(run: RunData, approach: str) -> tuple[str, int, int, float] | None:
-    """Approach, sample, mode and frequency [Hz] of the squeal mode of lowest damping."""
+def _most_unstable(run: RunData, approach: str) -> tuple[int, int, float] | None:
+    """Sample, mode and frequency [Hz] of the squeal mode of lowest damping."""
     maps, modes = run.driver_maps, run.modes
-    if maps is None or modes is None:
+    if maps is None or modes is None or not (rows := maps["approach"] == approach).any():
         return None
-    own: NDArray = maps["approach"] == approach
-    if not own.any():
-        return None
-    sample = int(maps["sample"][own][0])
+    sample = int(maps["sample"][rows][0])
     known = (modes["approach"] == approach) & (modes["sample"] == sample)
-    known &= np.isin(modes["mode"], maps["mode"][own])
+    known &= np.isin(modes["mode"], maps["mode"][rows])
     i = np.flatnonzero(known)[np.argmin(modes["damping"][known])]
-    return approach, sample, int(modes["mode"][i]), float(modes["frequency_hz"][i])
+    return sample, int(modes["mode"][i]), float(modes["frequency_hz"][i])

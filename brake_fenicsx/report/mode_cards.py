@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 
 from brake_fenicsx.extensions import load, shown
+from brake_fenicsx.results.answer import share_text
 from brake_fenicsx.results.run import RunData, read_tables
 from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import Row, Value
-
-from .overview import share_text
 
 SHAPES = "mode_shapes.npz"  # what the pictures of modes show
 CLEAR = 0.5  # share of a harmonic above which a mode is named by it alone
@@ -125,8 +124,8 @@ def family_card(run: RunData, family: Family, pictures: ModePictures, rank: int 
     facts = [("approach", run.label(family.approach)), ("damping", _damping_text(family))]
     if family.share.n > 1:
         facts.append(("samples", often_text(family)))
-    if parts := _parts_text(run, family):
-        facts.append(("moving parts", parts))
+    if parts := _parts(run, family):
+        facts.append(("moving parts", ", ".join(parts)))
     more = {fact: text for extra in shown(run) for fact, text in extra.cards.items()}
     told = {fact: load(text)(run, family.approach, family.key) for fact, text in more.items()}
     facts += [(fact, text) for fact, text in told.items() if text]
@@ -147,28 +146,36 @@ def other_cards(pictures: ModePictures, shown: set[str]) -> list[Card]:
     ]  # fmt: skip
 
 
-def _parts_text(run: RunData, family: Family) -> str:
+def _parts(run: RunData, family: Family) -> list[str]:
     """Parts that carry the kinetic energy of a family's squeal modes, the largest share first.
 
-    Mean shares of at least 10 % are named.
+    Mean shares of at least 10 % are named, such as "disc 84 %".
     """
     modes = run.squeal.squeal_modes(family.approach, family.key)
-    columns = [name for name in modes if name.startswith("share_")]
-    layers = [name.removeprefix("share_") for name in columns]
-    parts = [layer.partition(".")[0] for layer in layers]
-    found = []
-    for name, layer, part in zip(columns, layers, parts, strict=True):
-        text = part if parts.count(part) == 1 else layer.replace(".", " ")
-        if (share := float(modes[name].mean())) >= LEAST:
-            found.append((text, share))
-    found.sort(key=lambda pair: -pair[1])
-    return ", ".join(f"{part} {100 * share:.0f} %" for part, share in found)
+    shares = {n.removeprefix("share_"): modes[n].mean() for n in modes if n.startswith("share_")}
+    layers = [layer.partition(".")[0] for layer in shares]
+    parts = [
+        (share, part if layers.count(part) == 1 else layer.replace(".", " "))
+        for part, (layer, share) in zip(layers, shares.items(), strict=True)
+        if share >= LEAST
+    ]
+    parts.sort(key=lambda pair: -pair[0])
+    return [f"{part} {100 * share:.0f} %" for share, part in parts]
+
+
+def mode_text(run: RunData, family: Family, pictures: ModePictures) -> str:
+    """The part that moves most and its nodal diameters, as words that follow a frequency."""
+    parts, pattern = _parts(run, family), pictures.pattern(pictures.of_family(family))
+    words = [part.removesuffix(" %").rpartition(" ")[0] for part in parts[:1]]
+    if pattern is not None and "mixed" not in pattern[1]:
+        words.append(pattern[2].partition(",")[0])
+    return "".join(f", {word}" for word in words)
 
 
 def family_table_cells(run: RunData, family: Family, pictures: ModePictures) -> list[Value]:
     """Moving parts and nodal diameters of a family, as cells of a table."""
     pattern = pictures.pattern(pictures.of_family(family))
-    return [_parts_text(run, family) or None, None if pattern is None else pattern[1]]
+    return [", ".join(_parts(run, family)) or None, None if pattern is None else pattern[1]]
 
 
 def often_text(family: Family) -> str:

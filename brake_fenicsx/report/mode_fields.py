@@ -8,24 +8,29 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from brake_fenicsx.folder.log import spared
 from brake_fenicsx.folder.processes import in_turns, meanwhile, on_first
 from brake_fenicsx.folder.sample_files import Task
+from brake_fenicsx.macro.faces import gather_face
 from brake_fenicsx.results.run import RunData, read_run, save_tables
 from brake_fenicsx.results.squeal import ModeKey
 from brake_fenicsx.results.tables import RowTable
+from brake_fenicsx.samples.forces import contact_of
+from brake_fenicsx.samples.solve import displacements
+from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.digest import in_effect
 
+from .fields import facet_means, write_facets, write_fields, write_phases, write_points
 from .mode_cards import SHAPES, ModeShape
-
-if TYPE_CHECKING:
-    from brake_fenicsx.samples.study import Study
+from .render import animate_mode, render_mode
+from .style import label
 
 RIM = 0.9  # nodes beyond this share of the largest radius make the rim
 WIDEST = np.pi / 6  # gap between neighbouring angles [rad] beyond which there is no ring
@@ -103,8 +108,6 @@ def write_mode_fields(
     Returns:
         What failed and is left out, or is less exact than a picture asks, a line each.
     """
-    from brake_fenicsx.samples.solve import displacements
-
     store, comm = study.store, study.comm
     if comm.rank == 0:
         shutil.rmtree(store.path("fields"), ignore_errors=True)
@@ -161,10 +164,6 @@ def contact_faces(study: Study) -> dict[str, NDArray]:
         ``corners`` in cyclic order [m], shape (facets, 3 or 4, 3), ``facet``, -1: none, and
         ``slides``, whether an element's faces slide.
     """
-    from scipy.spatial import KDTree
-
-    from brake_fenicsx.macro.faces import gather_face
-
     b = study.brake
     facet, corners, count = np.full(len(b.w), -1), [], 0
     for i, table in enumerate(study.scene.contact.values()):
@@ -184,32 +183,23 @@ def _write_equilibria(
     study: Study, first: Mapping[Task, Mapping[str, Any]], faces: dict[str, NDArray]
 ) -> None:
     """Displacements; pressure, gap, stiffness and state of every contact element."""
+    folder, free = study.store.path("fields"), study.brake.elastic.free
     for task, u in study.displacements(first).items():
-        u = study.brake.elastic.free.expand(u)
+        name, data, whole = task[0], first[task], free.expand(u)
         if study.brake.lift is not None:
-            u = u + study.brake.lift
-        _write_equilibrium(study, task[0], u, first[task], faces)
-
-
-def _write_equilibrium(
-    study: Study, name: str, u: NDArray, data: Mapping[str, Any], faces: dict[str, NDArray]
-) -> None:
-    from brake_fenicsx.samples.forces import contact_of
-
-    from .fields import facet_means, write_facets, write_fields, write_points
-
-    folder, V = study.store.path("fields"), study.brake.elastic.free.V
-    write_fields(folder / f"equilibrium_{name}.vtkhdf", V, {"u_e": u})
-    values = {key: data[key] for key in ("g", "g_cr", "p", "k", "k_vibration")}
-    contact = contact_of(study.brake.contact, data)
-    values["active"] = (data["p"] > 0).astype(float)
-    write_points(folder / f"contact_{name}.vtkhdf", contact.points, values)
-    facet, corners = faces["facet"], faces["corners"]
-    if np.any(facet >= 0):
-        means = {key: facet_means(facet, contact.w, v, len(corners)) for key, v in values.items()}
-        held = np.isfinite(means["p"])
-        means = {key: v[held] for key, v in means.items()}
-        write_facets(folder / f"pressure_{name}.vtkhdf", corners[held], means)
+            whole = whole + study.brake.lift
+        write_fields(folder / f"equilibrium_{name}.vtkhdf", free.V, {"u_e": whole})
+        values = {key: data[key] for key in ("g", "g_cr", "p", "k", "k_vibration")}
+        contact = contact_of(study.brake.contact, data)
+        values["active"] = (data["p"] > 0).astype(float)
+        write_points(folder / f"contact_{name}.vtkhdf", contact.points, values)
+        facet, corners = faces["facet"], faces["corners"]
+        if np.any(facet >= 0):
+            n = len(corners)
+            means = {key: facet_means(facet, contact.w, v, n) for key, v in values.items()}
+            held = np.isfinite(means["p"])
+            means = {key: v[held] for key, v in means.items()}
+            write_facets(folder / f"pressure_{name}.vtkhdf", corners[held], means)
 
 
 def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
@@ -247,11 +237,6 @@ def _write_modes(
     Returns:
         What the pictures show.
     """
-    from brake_fenicsx.report.render import animate_mode, render_mode
-    from brake_fenicsx.report.style import label
-
-    from .fields import write_fields, write_phases
-
     store, name, V = study.store, chosen[0].approach, study.brake.elastic.free.V
     rotors = _rotors(study)
 
@@ -269,16 +254,8 @@ def _write_modes(
         if pictures:
             render_mode(store.path("figures", f"{picture}.png"), V, shape, title)
             animate_mode(store.path("figures", f"{picture}.webp"), V, shape)
-        row = ModeShape.of(
-            name,
-            mode.family.number,
-            mode.sample,
-            mode.mode,
-            mode.frequency,
-            mode.damping,
-            picture,
-            *_nodal_cells(rotors, V, shape),
-        )
+        numbers = mode.family.number, mode.sample, mode.mode, mode.frequency, mode.damping
+        row = ModeShape.of(name, *numbers, picture, *_nodal_cells(rotors, V, shape))
         return f"mode_{hertz}", shape, row
 
     def attempt(i: int) -> tuple[tuple[str, NDArray[np.complex128], ModeShape] | None, list[str]]:

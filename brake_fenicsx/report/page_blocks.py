@@ -1,23 +1,33 @@
-"""What a page is made of: paragraphs, tables, pictures, folded parts; the templates lay it out."""
+"""What a page is made of, and how it becomes HTML: self-contained, every text escaped."""
 
 from __future__ import annotations
 
+import base64
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar
 
-from brake_fenicsx.results.tables import Value
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+
+from brake_fenicsx.folder.files import whole_file
+from brake_fenicsx.results.tables import Value, show
 
 LONGEST = 60  # values of a list shown in full
+WIDEST = 1440  # pixels of a picture inside a page
+SMALL = 150_000  # bytes up to which a PNG is stored as it is
+SHORT = 28  # characters that are not broken into lines
 
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A paragraph."""
+    """A text of its own: a paragraph ("text"), a "heading", or "preformatted" lines."""
 
     text: str
-    kind: ClassVar[str] = "text"
+    kind: str = "text"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,22 +63,6 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True)
-class Preformatted:
-    """Text with its own line ends."""
-
-    text: str
-    kind: ClassVar[str] = "preformatted"
-
-
-@dataclass(frozen=True, slots=True)
-class Heading:
-    """A heading inside a section."""
-
-    text: str
-    kind: ClassVar[str] = "heading"
-
-
-@dataclass(frozen=True, slots=True)
 class Special:
     """What the page has a macro of its own for: ``kind`` is its name, ``content`` its argument."""
 
@@ -76,7 +70,7 @@ class Special:
     content: Any
 
 
-Block = Text | Table | Picture | Preformatted | Heading | Special
+Block = Text | Table | Picture | Special
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,17 +90,16 @@ def pairs(what: str, content: Mapping[str, Any], digits: int = 12) -> Table:
         content: the mapping.
         digits: significant digits of numbers.
     """
-    return Table([what, "value"], [[name, value] for name, value in _flatten(content, digits)])
+    return Table([what, "value"], _flatten(content, digits))
 
 
 def _flatten(content: Mapping[str, Any], digits: int, above: str = "") -> list[tuple[str, str]]:
     found: list[tuple[str, str]] = []
     for key, value in content.items():
-        name = f"{above}.{key}" if above else str(key)
         if isinstance(value, Mapping):
-            found += _flatten(value, digits, name)
+            found += _flatten(value, digits, f"{above}{key}.")
         else:
-            found.append((name, _rounded(value, digits)))
+            found.append((f"{above}{key}", _rounded(value, digits)))
     return found
 
 
@@ -116,3 +109,77 @@ def _rounded(value: Any, digits: int) -> str:
         text = ", ".join(_rounded(v, digits) for v in value[:LONGEST]) or "none"
         return f"{text}, ... ({len(value)} values)" if len(value) > LONGEST else text
     return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+
+
+def write_page(path: Path, text: str) -> Path:
+    """Write a page at once: the file appears complete or not at all.
+
+    Args:
+        path: the file; replaced if it exists.
+        text: its content.
+
+    Returns:
+        The path.
+    """
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+    return path
+
+
+def render(name: str, **content: Any) -> str:
+    """A page as text, from one of the package's templates.
+
+    Args:
+        name: file of the template.
+        **content: what it shows.
+
+    Returns:
+        HTML that is well-formed XML too.
+    """
+    return _environment().get_template(name).render(**content)
+
+
+@cache
+def _environment() -> Environment:
+    found = Environment(
+        loader=PackageLoader("brake_fenicsx.report"),
+        autoescape=select_autoescape(default=True),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    found.filters |= {"show": show, "cell": _cell, "picture": picture, "raw": _uri}
+    return found
+
+
+def picture(source: Path | bytes, width: int = WIDEST) -> str:
+    """Address of a still picture inside a page: a small file as it is, others as WebP.
+
+    Args:
+        source: file of the picture, or its bytes.
+        width: pixels of its width at most.
+    """
+    data = source if isinstance(source, bytes) else source.read_bytes()
+    if data.startswith(b"\x89PNG") and len(data) <= SMALL and width == WIDEST:
+        return _uri(data, "png")
+    pillow: Any = import_module("PIL.Image")  # comes with matplotlib
+    with pillow.open(io.BytesIO(data)) as drawn:
+        still = drawn.convert("RGB")
+    if still.width > width:
+        still = still.resize((width, round(width * still.height / still.width)), pillow.LANCZOS)
+    small = io.BytesIO()
+    still.save(small, "WEBP", quality=85, method=4)
+    return _uri(small.getvalue())
+
+
+def _uri(source: Path | bytes, form: str = "webp") -> str:
+    """Address of a picture inside a page, as it is."""
+    data = source if isinstance(source, bytes) else source.read_bytes()
+    return f"data:image/{form};base64,{base64.b64encode(data).decode('ascii')}"
+
+
+def _cell(value: Value) -> str:
+    """Class of a cell in the style sheet."""
+    if isinstance(value, int | float):
+        return "number"
+    return "short" if isinstance(value, str) and len(value) <= SHORT else ""

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.results.ensemble_statistics import wilson
 from brake_fenicsx.results.run import RunData
 
-from .squeal_figures import KHZ
-from .style import BLACK, label, light_grid, look, new_figure, stroke
+from .style import BLACK, KHZ, finish, label, look, new_figure, stroke
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,20 +37,12 @@ def draw_counts(run: RunData) -> Figure | None:
         x = np.arange(top + 1) + (j - (len(records) - 1) / 2) * width
         mean = record.per_sample.mean()
         text = f"{label(run, record.approach)}: {record.samples} samples, mean {mean:.2f}"
-        axis.bar(
-            x,
-            share,
-            0.92 * width,
-            color=look(record.approach)[0],
-            edgecolor="white",
-            linewidth=0.4,
-            hatch=hatches[j % 4],
-            label=text,
-        )
+        style = {"color": look(record.approach)[0], "hatch": hatches[j % 4], "label": text}
+        axis.bar(x, share, 0.92 * width, edgecolor="white", linewidth=0.4, **style)
     _mark_single(axis, run)
-    axis.set(xlabel=f"squeal modes ({run.criterion}) per sample [-]", ylabel="share of samples [-]")
+    modes = f"squeal modes ({run.criterion}) per sample [-]"
+    finish(axis, "y", xlabel=modes, ylabel="share of samples [-]")
     axis.xaxis.get_major_locator().set_params(integer=True)
-    light_grid(axis, axis="y")
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
     return figure
 
@@ -73,11 +64,10 @@ def draw_probability(run: RunData) -> Figure | None:
         colour = look(approach)[0]
         axis.bar(centre, value, 0.94 * width, color=colour, alpha=0.75)
         axis.errorbar(centre, value, reach, fmt="none", ecolor=BLACK, elinewidth=1, capsize=2)
-        n = shares[0].n
-        axis.set_title(f"{label(run, approach)}: {n} samples")
-        axis.set(ylim=(0, 1.08), xlim=(0, edges[-1] / 1e3))
-        axis.set_ylabel("probability of\nsqueal [-]")
-        light_grid(axis, axis="y")
+        title, limits = f"{label(run, approach)}: {shares[0].n} samples", (0, edges[-1] / 1e3)
+        finish(
+            axis, "y", title=title, ylim=(0, 1.08), xlim=limits, ylabel="probability of\nsqueal [-]"
+        )
         _mark_deterministic(axis, run)
     if axes[0, 0].get_legend_handles_labels()[0]:
         axes[0, 0].legend(loc="upper right", bbox_to_anchor=(1.0, 1.25), handletextpad=0.1)
@@ -108,13 +98,12 @@ def draw_convergence(run: RunData) -> Figure | None:
         mean, error = (x[n - 1] for x in _running_mean(per_sample))
         axes[0, 1].plot(n, mean, line, color=colour, label=label(run, approach))
         axes[0, 1].fill_between(n, mean - error, mean + error, color=colour, alpha=0.2, lw=0)
-    axes[0, 0].set(ylabel="share of samples that squeal [-]", ylim=(-0.02, 1.02))
-    axes[0, 1].set(ylabel="mean squeal modes per sample [-]")
-    axes[0, 1].set_ylim(bottom=0)
-    for axis in axes.flat:
-        axis.set_xlabel(f"samples [-]; squeal: {run.criterion}")
+    for axis, text, limits in (
+        (axes[0, 0], "share of samples that squeal [-]", (-0.02, 1.02)),
+        (axes[0, 1], "mean squeal modes per sample [-]", (0, None)),
+    ):
+        finish(axis, xlabel=f"samples [-]; squeal: {run.criterion}", ylabel=text, ylim=limits)
         axis.xaxis.get_major_locator().set_params(integer=True)
-        light_grid(axis)
     axes[0, 0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=3)
     return figure
 
@@ -145,15 +134,9 @@ def _mark_deterministic(axes: Axes, run: RunData) -> None:
         if not f.size:
             # An empty line beyond the axes has no extent that a layout could work with.
             continue
-        axes.plot(
-            f,
-            np.full(f.size, 1.04),
-            marker,
-            color=colour,
-            ms=4,
-            label=f"{label(run, approach)}: squeal modes of its one run",
-            clip_on=False,
-        )
+        text = f"{label(run, approach)}: squeal modes of its one run"
+        y = np.full(f.size, 1.04)
+        axes.plot(f, y, marker, color=colour, ms=4, label=text, clip_on=False)
 
 
 def _running_mean(values: NDArray) -> tuple[NDArray, NDArray]:
@@ -172,22 +155,19 @@ def draw_errors(run: RunData) -> Figure | None:
     drawn = False
     every = run.errors
     for approach in run.approaches:
-        own = np.asarray(run.modes["approach"] == approach) & (every > 0) & np.isfinite(every)
-        if own.any():
-            drawn, error = True, every[own]
-            _draw_bands(axes[0, 0], run.modes["frequency_hz"][own], error, approach)
+        rows = np.asarray(run.modes["approach"] == approach) & (every > 0) & np.isfinite(every)
+        if rows.any():
+            drawn, error = True, every[rows]
+            _draw_bands(axes[0, 0], run.modes["frequency_hz"][rows], error, approach)
             _draw_excess(axes[0, 1], error, approach, label(run, approach))
     if not drawn:
         return None
-    unit = "relative error estimate of the eigenvalue [-]"
-    axes[0, 0].set(yscale="log", xlabel="frequency [kHz]")
-    axes[0, 0].set_ylabel("relative error estimate\nof the eigenvalue [-]")
-    axes[0, 0].set_title("(a) largest (line) and median (dots) per band")
-    axes[0, 1].set(xscale="log", yscale="log", xlabel=unit, ylabel="share of modes above [-]")
-    axes[0, 1].set_title("(b) modes whose error exceeds a value")
-    axes[0, 1].legend(loc="lower left")
-    for axis in axes.flat:
-        light_grid(axis)
+    unit, left, right = "relative error estimate of the eigenvalue [-]", axes[0, 0], axes[0, 1]
+    finish(left, title="(a) largest (line) and median (dots) per band", yscale="log", xlabel=KHZ,
+           ylabel=unit.replace(" of", "\nof"))  # fmt: skip
+    finish(right, title="(b) modes whose error exceeds a value", xscale="log", yscale="log",
+           xlabel=unit, ylabel="share of modes above [-]")  # fmt: skip
+    right.legend(loc="lower left")
     return figure
 
 
@@ -197,9 +177,9 @@ def _draw_bands(axes: Axes, f: NDArray, error: NDArray, approach: str, bands: in
     edges = np.linspace(0.0, f.max() * (1 + 1e-12), bands + 1)
     rows = []
     for low, high in pairwise(edges):
-        own = error[(low <= f) & (f < high)]
-        if own.size:
-            rows.append((0.5e-3 * (low + high), own.max(), np.median(own)))
+        band = error[(low <= f) & (f < high)]
+        if band.size:
+            rows.append((0.5e-3 * (low + high), band.max(), np.median(band)))
     middle, largest, median = zip(*rows, strict=True)
     axes.plot(middle, largest, color=colour, lw=1.2)
     axes.plot(middle, median, marker, color=colour, ms=3.5)

@@ -1,194 +1,199 @@
-"""Sections of the page: those for who decides on the brake, and the appendix for specialists."""
+"""Sections of the page on parameters, inputs and forces, and the appendix for specialists."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
-from brake_fenicsx.extensions import load, shown
-from brake_fenicsx.results.accuracy import ErrorRow, SpeedRow, error_rows, speed_rows, stage_rows
-from brake_fenicsx.results.answer import approach_rows
+import numpy as np
+
+from brake_fenicsx.results.accuracy import error_rows, speed_rows, stage_rows
+from brake_fenicsx.results.answer import for_reading, share_text
 from brake_fenicsx.results.run import RunData
-from brake_fenicsx.results.squeal import Family
-from brake_fenicsx.results.tables import Row, RowTable, Value
+from brake_fenicsx.results.squeal import kilohertz
+from brake_fenicsx.results.tables import Value
 
 from .figures import figures
-from .mode_cards import (
-    Card,
-    ModePictures,
-    family_card,
-    family_table_cells,
-    heading_of,
-    often_text,
-    other_cards,
-)
-from .overview import share_text
-from .page_blocks import Block, Heading, Picture, Preformatted, Section, Special, Table, Text, pairs
-from .parameter_sections import forces_blocks, input_blocks, rows_of_each, sweep_blocks
-from .squeal_map import squeal_map
+from .mode_cards import Card, heading_of
+from .page_blocks import Block, Picture, Section, Special, Table, Text, pairs
 from .surface_page import law_blocks, of_surface, surface_blocks
 
-CARDS = 6  # mode shapes before the appendix, beside those of the first screen
+FAMILIES = 8  # rows of the tables of families, at least 2 of each approach
 
 
-def main_sections(
-    run: RunData,
-    families: Mapping[str, list[Family]],
-    lead: str,
-    pictures: ModePictures,
-    cards: list[Card],
-) -> list[Section]:
-    """All sections before the appendix; those without content are left out.
-
-    Args:
-        run: the results; pictures are read from its ``figures`` folder.
-        families: of each approach, the most severe first.
-        lead: approach that the first screen is about.
-        pictures: pictures of mode shapes.
-        cards: those that the first screen does not show, see `more_cards`.
-    """
-    sections = [
-        Section("squeal", "Squeal map", _squeal(run, families, lead, pictures)),
-        Section("shapes", "More mode shapes", _shapes(run, families, pictures, cards)),
-        Section("probability", "Probability of squeal", [
-            *figures(run, "probability_per_band", "unstable_per_sample", look="half"),
-        ]),
-        Section("sweep", "Lock-in over the parameter", sweep_blocks(run)),
-        Section("inputs", "Which inputs cause it", input_blocks(run)),
-        *(
-            Section(extra.page[0], extra.page[1], [
-                *load(extra.page[2])(run), *figures(run, *extra.figures),
-            ])
-            for extra in shown(run) if extra.page[0]
-        ),
-        Section("own", "Own figures", _own(run)),
-        Section("drivers", "What drives a mode", figures(run, "drivers", look="tall")),
-        Section("pressure", "Contact pressure and forces", [
-            *figures(run, "contact_pressure", look="tall"), *forces_blocks(run),
-        ]),
-    ]  # fmt: skip
-    return [section for section in sections if section.blocks]
+def rows_of_each(run: RunData) -> int:
+    """Rows of each approach in the tables of families."""
+    return max(2, FAMILIES // max(len(run.approaches), 1))
 
 
-def _own(run: RunData) -> list[Block]:
-    """Figures of the scene's section [extensions]."""
-    names = run.summary.get("settings", {}).get("extensions", {}).get("figures", {})
-    paths = {name: run.directory / "figures" / f"own_{name}.png" for name in names}
-    return [Picture(path, name) for name, path in paths.items() if path.is_file()]
-
-
-def _squeal(
-    run: RunData, families: Mapping[str, list[Family]], lead: str, pictures: ModePictures
-) -> list[Block]:
-    found = squeal_map(run, families, lead, pictures)
-    if found is None:
-        return []
-    return [
-        Text(
-            "Every point is a complex mode of a sample with the eigenvalue alpha + i omega; its"
-            " damping is -2 alpha / |omega|, twice the damping ratio. Negative damping: the mode"
-            f" is unstable. It counts as squeal with {run.criterion} (stability.threshold of the"
-            " scene). This linear analysis does not predict the amplitude."
-        ),
-        Special("map", found),
-        _approaches(run),
-        Text(
-            "Neutral: the sign of the growth rate is uncertain within its numerical error, or the"
-            " mode is a rigid-body motion. Shares have 95 % Wilson intervals, which describe the"
-            " sampling error and not the error of the model."
-        ),
-        *_families(run, families, pictures),
-        *figures(run, "figure9_squeal_map", look="still"),
-    ]
-
-
-def _approaches(run: RunData) -> Table:
-    heads = [
-        "approach", "samples", "failed", "modes", "unstable modes", "neutral modes",
-        f"squeal modes ({run.criterion})", "squeal samples", "share of squeal samples",
-    ]  # fmt: skip
-    rows: list[list[Value]] = [
-        [run.label(r.approach), r.samples, r.failed, r.modes, r.unstable_modes, r.neutral_modes,
-         r.squeal_modes, r.squeal_samples, share_text(r.share, r.share_low, r.share_high)]
-        for r in approach_rows(run)
-    ]  # fmt: skip
-    return Table(heads, rows)
-
-
-def _families(
-    run: RunData, families: Mapping[str, list[Family]], pictures: ModePictures
-) -> list[Block]:
-    """The most severe families of each approach."""
+def sweep_blocks(run: RunData) -> list[Block]:
+    """Branches over the parameter, and where each family begins to squeal."""
+    drawn = figures(run, "sweep_branches", "sweep_critical", "sweep_samples", "sweep_chart")
+    critical = run.sweep.get("critical")
+    if critical is None or not critical["family"].size:
+        return drawn
     rows: list[list[Value]] = []
-    for approach, found in families.items():
-        for f in found[: rows_of_each(run)]:
-            rows.append([
-                run.label(approach), "by frequency" if f.key < 0 else f.key,
-                f.kilohertz, often_text(f), f.median, f.worst,
-                *family_table_cells(run, f, pictures),
-            ])  # fmt: skip
-    if not rows:
-        return []
+    texts = kilohertz(critical["frequency_hz"].tolist())
+    for i, family in enumerate(critical["family"]):
+        low, middle, high = (critical[f"value_{p}"][i] for p in (5, 50, 95))
+        interval = [critical[f"value_50_{end}"][i] for end in ("low", "high")]
+        rows.append([
+            "any" if np.isnan(family) else int(family), texts[i],
+            int(critical["samples"][i]), int(critical["squeal_samples"][i]),
+            *(_censored(v) for v in (low, middle, *interval, high)),
+        ])  # fmt: skip
     heads = [
-        "approach", "family", "frequency [kHz]", f"squeal samples ({run.criterion})",
-        "median damping [-]", "lowest damping [-]",
-        "moving parts (kinetic energy)", "nodal diameters",
+        "family", "frequency [kHz]", "samples", "squeal samples", "5 % squeal by", "50 % squeal by",
+        "lower end of its 95 % interval", "upper end", "95 % squeal by",
     ]  # fmt: skip
-    left = sum(map(len, families.values())) - len(rows)
-    rest = "family" if left == 1 else "families"
-    more = f" {left} less severe {rest}: tables/families.csv." if left else ""
     note = (
-        "A family is the same mode recognised in many samples. Families are ranked by severity:"
-        " the share of samples in which the family squeals, times the median of its damping there."
+        f"Value of {critical['parameter'][0]} (SI units) at which a family begins to squeal, over"
+        " the rough samples. A dash means a value outside the range of the sweep."
     )
-    return [Text(note + more), Table.without_empty(heads, rows)]
+    return [*drawn, Text(note), Table(heads, rows)]
 
 
-def more_cards(
-    run: RunData, families: Mapping[str, list[Family]], pictures: ModePictures, shown: set[str]
-) -> list[Card]:
-    """Cards of all pictures that the first screen does not show, the most severe families first.
+def cause_rows(run: RunData, most: int = 12) -> list[tuple[str, str, dict[str, Any]]]:
+    """What is known of the squeal of the whole band and of the families, the most severe first.
 
     Args:
         run: the results.
-        families: of each approach, the most severe first.
-        pictures: pictures of mode shapes.
-        shown: keys of the pictures on the first screen.
+        most: rows of each approach.
+
+    Returns:
+        Approach, where, and a row of probabilities.csv by its names; nan of an empty cell.
     """
-    # Of every approach the first, then of every approach the second, ...
-    ranked = sorted(
-        ((rank, name) for name, found in families.items() for rank in range(len(found))),
-        key=lambda place: place[0],
-    )
-    chosen = [families[name][rank] for rank, name in ranked]
-    cards = [
-        family_card(run, f, pictures)
-        for f in chosen if (key := pictures.of_family(f)) and key not in shown
-    ]  # fmt: skip
-    return cards + other_cards(pictures, shown | {card.key for card in cards})
+    table = run.causes.get("probabilities")
+    if table is None:
+        return []
+    every = [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
+    rows: list[tuple[str, str, dict[str, Any]]] = []
+    for approach in run.approaches:
+        own = [row for row in every if row["approach"] == approach]
+        whole = [row for row in own if row["scope"] == "band"][:1]
+        families = [row for row in own if row["scope"] == "family" and row["squeal_samples"]]
+        families.sort(key=lambda row: -row["severity"])
+        texts = kilohertz([row["frequency_hz"] for row in families])
+        names = ["whole band" for _ in whole]
+        names += [f"{f} kHz, family {row['where']}" for f, row in zip(texts, families, strict=True)]
+        pairs = zip(names, [*whole, *families], strict=True)
+        rows += [(approach, where, row) for where, row in pairs][:most]
+    return rows
 
 
-def _shapes(
-    run: RunData, families: Mapping[str, list[Family]], pictures: ModePictures,
-    cards: list[Card],
-) -> list[Block]:  # fmt: skip
-    """The first of the cards that the first screen does not show."""
-    blocks: list[Block] = []
-    if cards:
-        left = len(cards) - CARDS
-        more = f" {left} more: appendix." if left > 0 else ""
-        blocks = [
-            Text(
-                "Squeal mode of median damping of each of the most severe families, at the"
-                " phase of largest motion. Bodies are side by side, the bottom one on the left."
-                " Colour: displacement relative to its maximum. Pictures from both sides: figures/."
-                f"{more}"
-            ),
-            Special("shapes", cards[:CARDS]),
+def input_blocks(run: RunData) -> list[Block]:
+    """Which inputs move the growth rate, and the probabilities of the most severe families."""
+    rows: list[list[Value]] = [
+        [
+            run.label(approach), where, share_text(row["probability"], row["low"], row["high"]),
+            _number(row["median_damping"]), row["above_limit"], row["dominant_input"] or None,
+            interval_text(*(row[f"correlation{end}"] for end in ("", "_low", "_high"))),
+            *(percent(value) for name, value in row.items() if name.startswith("share_")),
         ]
-    calm = [run.label(name) for name, found in families.items() if not found]
-    if calm and pictures.paths:
-        blocks.append(Text(f"No mode of any sample squeals: {', '.join(calm)}."))
-    return blocks
+        for approach, where, row in cause_rows(run, rows_of_each(run))
+    ]  # fmt: skip
+    heads = [
+        "approach", "where", f"probability of squeal ({run.criterion})", "median damping [-]",
+        "likely to squeal", "strongest input", "rank correlation", "friction", "materials",
+        "loads", "rest",
+    ]  # fmt: skip
+    limit = run.in_effect("samples").get("limit")
+    limit = f"{100 * limit:g} %" if isinstance(limit, int | float) else "the limit of the scene"
+    notes = [
+        f"Likely to squeal: yes if the 95 % interval of the probability lies above {limit}, open"
+        " if it contains that limit."
+    ]
+    if any(row[5] is not None for row in rows):
+        notes.append(
+            "Strongest input: the random input with the strongest rank correlation with squeal;"
+            " none where all samples or no sample squeal."
+        )
+    if any(row[7] is not None for row in rows):
+        notes.append(
+            "Friction, materials, loads: their shares of the variance of the growth rate (sums of"
+            " first-order indices). The rest is interactions, and roughness where contact is"
+            " rough. Negative shares are sampling error."
+        )
+    if rows and all(row[5] is None for row in rows):
+        notes.append(
+            "The scene has no random input, or too few samples to separate their effects; random"
+            " inputs are listed in [samples.random], and stability.drivers gives derivatives."
+        )
+    told: list[Block] = [Text(" ".join(notes)), Table.without_empty(heads, rows)] if rows else []
+    return [*figures(run, "sensitivity", "input_correlations"), *told]
+
+
+def _censored(value: float) -> str:
+    return f"{value:.4g}" if np.isfinite(value) else "-"
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def interval_text(*values: float) -> str | None:
+    """A number with its interval; None without."""
+    return "{:.2f} ({:.2f} to {:.2f})".format(*values) if np.all(np.isfinite(values)) else None
+
+
+def percent(value: float) -> str | None:
+    """A share in per cent, without "-0 %"."""
+    return f"{round(100 * value) + 0} %" if np.isfinite(value) else None
+
+
+ROUND_OFF = 1e-6  # relative scatter that is none
+FORCES = ("normal_N", "friction_N", "torque_N_m", "effective_radius_mm")
+
+
+def forces_blocks(run: RunData) -> list[Block]:
+    """Forces of the braking equilibrium on each pad, means over the samples of an approach."""
+    found = run.summary.get("contact_forces")
+    if not isinstance(found, Mapping):
+        return []
+    rows = []
+    for approach, pads in found.items():
+        for name, pad in pads.items():
+            closed = 100 * pad["contact_area_mm2"] / pad["face_area_mm2"]
+            lead = pad["leading_half_share"]
+            rows.append(
+                [
+                    run.label(approach), name,
+                    *(_with_std(pad, key) for key in FORCES),
+                    f"{closed:.1f} %", _with_std(pad, "largest_pressure_MPa"),
+                    _with_std(pad, "centre_towards_leading_edge_mm"),
+                    "-" if lead is None else f"{100 * lead:.1f} %",
+                ]
+            )  # fmt: skip
+    if not rows:
+        return []
+    heads = [
+        "approach", "pad", "normal force [N]", "friction force [N]", "brake torque [N m]",
+        "effective radius [mm]", "face in contact", "largest pressure [MPa]",
+        "centre of pressure towards the leading edge [mm]", "force on the leading half",
+    ]  # fmt: skip
+    turns = any(pad.get("torque_N_m") for pads in found.values() for pad in pads.values())
+    less = (
+        " Friction force: its resultant, which is less than the friction coefficient times the"
+        " normal force, because the direction of friction turns along the pad."
+    )
+    return [
+        Table(heads, rows),
+        Text(
+            "Means over the samples, with their standard deviation. The disc enters the pad"
+            f" at the leading edge.{less if turns else ''} Torque: torque of this pad against the"
+            " rotation; effective radius: torque over friction coefficient times normal force."
+        ),
+    ]
+
+
+def _with_std(numbers: Mapping[str, Any], name: str) -> str:
+    """A mean with its standard deviation, where the scene has the one and samples the other."""
+    value, spread = numbers.get(name), numbers.get(f"{name}_std")
+    if value is None:
+        return "-"
+    if spread is None or spread < ROUND_OFF * abs(value):
+        return f"{value:.4g}"
+    return f"{value:.4g} +- {spread:.2g}"
 
 
 SPEED_HEADS = {
@@ -202,7 +207,7 @@ SHOWN = {  # of the summary, elsewhere on the page
 
 
 def appendix_sections(run: RunData, cards: Sequence[Card] = ()) -> list[Section]:
-    """Sections for specialists; those without content are left out.
+    """Sections for specialists.
 
     Args:
         run: the results; pictures are read from its ``figures`` folder.
@@ -213,10 +218,9 @@ def appendix_sections(run: RunData, cards: Sequence[Card] = ()) -> list[Section]
         Section("laws", "Contact laws", law_blocks(run)),
         Section("surface", "Surface", surface_blocks(run)),
     ]  # fmt: skip
-    sections = [
-        Section("more-shapes", "Mode shapes of less severe families", [
-            *([Special("shapes", cards)] if cards else []),
-        ]),
+    return [
+        Section("more-shapes", "Mode shapes of less severe families",
+                [Special("shapes", cards)] if cards else []),
         Section("driver-maps", "Drivers over the pads", figures(run, "driver_maps")),
         *own,
         Section("samples", "Families and convergence over the samples",
@@ -225,7 +229,6 @@ def appendix_sections(run: RunData, cards: Sequence[Card] = ()) -> list[Section]
         Section("accuracy", "Accuracy and computing time", _accuracy(run)),
         Section("settings", "Settings, seeds and versions", _settings(run)),
     ]  # fmt: skip
-    return [section for section in sections if section.blocks]
 
 
 def _accuracy(run: RunData) -> list[Block]:
@@ -239,9 +242,9 @@ def _accuracy(run: RunData) -> list[Block]:
             " sample are medians over all samples."
         ))  # fmt: skip
     if speed := speed_rows(run):
-        blocks.append(_table(run, SpeedRow, speed))
+        blocks.append(Table(*for_reading(run, speed, **SPEED_HEADS)))
     if errors := error_rows(run):
-        blocks.append(_table(run, ErrorRow, errors))
+        blocks.append(Table(*for_reading(run, errors)))
         blocks.append(Text(
             "Errors are relative error estimates of the eigenvalues; the condition number of an"
             " eigenvalue relates them to the backward error: error = backward error x condition."
@@ -249,13 +252,6 @@ def _accuracy(run: RunData) -> list[Block]:
     rest = {key: value for key, value in run.summary.items() if key not in SHOWN}
     facts: list[Block] = [pairs("quantity", rest, digits=6)] if rest else []
     return [*blocks, *figures(run, "eigenvalue_errors"), *facts]
-
-
-def _table(run: RunData, kind: type[Row], rows: Sequence[Row]) -> Table:
-    """Rows by approach, under the names of their columns."""
-    heads = [SPEED_HEADS.get(name, name.replace("_", " ")) for name in kind.names()]
-    cells = RowTable.of(kind, rows).cells
-    return Table(heads, [[run.label(str(row[0])), *row[1:]] for row in cells])
 
 
 def _settings(run: RunData) -> list[Block]:
@@ -267,8 +263,8 @@ def _settings(run: RunData) -> list[Block]:
             pairs("setting", run.summary["in_effect"]),
         ]
     elif run.scene is not None:
-        blocks.append(Preformatted(run.scene))
+        blocks.append(Text(run.scene, "preformatted"))
     for key in ("seeds", "versions"):
         if isinstance(run.summary.get(key), Mapping):
-            blocks += [Heading(key.capitalize()), pairs(key.rstrip("s"), run.summary[key])]
+            blocks += [Text(key.capitalize(), "heading"), pairs(key.rstrip("s"), run.summary[key])]
     return blocks

@@ -1,8 +1,8 @@
-"""Figure 9: the squeal map, and the families in it."""
+"""The squeal map: figure 9, the families in it, and what the interactive one shows."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,21 @@ from numpy.typing import NDArray
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import squeals
 
-from .style import BLACK, BLUE, CYCLE, DAMPING_LABEL, GREY, MARKERS, VERMILION, label, new_figure
+from .mode_cards import ModePictures
+from .style import (
+    BLACK,
+    BLUE,
+    CYCLE,
+    DAMPING_LABEL,
+    GREY,
+    KHZ,
+    MARKERS,
+    VERMILION,
+    damping_axis,
+    finish,
+    label,
+    new_figure,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,8 +32,8 @@ if TYPE_CHECKING:
 
 MANY_POINTS = 2000  # beyond this a scatter is rasterised inside the SVG
 DRAWN_POINTS = 50_000  # of a scatter; of more every n-th is drawn
-KHZ = "frequency [kHz]"
-LINEAR_DAMPING = 1e-4  # the squeal map's damping axis is logarithmic beyond
+MOST = 20_000  # modes that a page holds
+VERDICTS = {"stable": 0, "unstable": 1}
 
 
 def draw_squeal_map(run: RunData) -> Figure | None:
@@ -31,25 +45,23 @@ def draw_squeal_map(run: RunData) -> Figure | None:
     if run.modes is None or run.modes["mode"].size == 0:
         return None
     # All panels on one page of print, at full width.
-    figure, axes = _panels(run, height=min(2.1, 6.0 / len(run.approaches)))
-    for axis in axes.flat:
-        axis.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
-        axis.set_yticks([-0.1, -0.01, -0.001, 0.0, 0.001, 0.01, 0.1])
-        axis.grid(axis="y", color="0.9", linewidth=0.6)
-    low, high = axes[0, 0].get_ylim()
-    # Room above the points for the legend; the panels share the axis.
-    axes[0, 0].set_ylim(min(3 * low, -3e-3), max(20 * high, 2e-2))
+    damping = run.modes["damping"]
+    low, high = min(float(damping.min()), 0.0), max(float(damping.max()), 0.0)
+    reach = max(high - low, 1e-6)
+    # Room above the points for the legend.
+    limits = min(3 * (low - 0.08 * reach), -3e-3), max(20 * (high + 0.3 * reach), 2e-2)
+    figure, axes = _panels(run, min(2.1, 6.0 / len(run.approaches)), limits)
     f, damping, verdict = (run.modes[name] for name in ("frequency_hz", "damping", "verdict"))
     squeal = squeals(run.modes, run.threshold)
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
         good = run.squeal.of_good(approach)
-        for name, own, colour, marker, size in (
+        for name, kind, colour, marker, size in (
             ("stable", verdict == "stable", BLUE, "o", 12),
             ("unstable, no squeal", (verdict == "unstable") & ~squeal, GREY, "v", 20),
             ("squeal", squeal, VERMILION, "v", 20),
             ("neutral", verdict == "neutral", BLACK, "s", 14),
         ):
-            rows = np.flatnonzero(good & own)
+            rows = np.flatnonzero(good & kind)
             few, text = _thinned(rows), f"{name}: {rows.size}"
             _scatter(axis, f[few] / 1e3, damping[few], colour, marker, size, text)
         axis.legend(loc="upper left", ncol=4, bbox_to_anchor=(0, 1.02), handletextpad=0.1)
@@ -58,29 +70,25 @@ def draw_squeal_map(run: RunData) -> Figure | None:
 
 def draw_families(run: RunData, most: int = 7) -> Figure | None:
     """Squeal modes by family: families of about one frequency share a look in all panels."""
-    loud = [run.squeal.squeal_modes(approach) for approach in run.approaches]
-    if not any(map(len, loud)):
+    squealing = [run.squeal.squeal_modes(approach) for approach in run.approaches]
+    if not any(map(len, squealing)):
         return None
     looks = _family_looks(run, most)
-    figure, axes = _panels(run, height=min(1.9, 7.0 / len(run.approaches)))
-    lowest = min(float(modes.damping.min()) for modes in loud if len(modes))
-    for axis in axes.flat:
-        axis.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
-        axis.set_yticks([-0.1, -0.01, -0.001, 0.0])
-        axis.grid(axis="y", color="0.9", linewidth=0.6)
-    axes[0, 0].set_ylim(min(3 * lowest, -3e-3), 0.0)
-    for axis, approach, modes in zip(axes.flat, run.approaches, loud, strict=True):
+    lowest = min(float(modes.damping.min()) for modes in squealing if len(modes))
+    limits = min(3 * lowest, -3e-3), 0.0
+    figure, axes = _panels(run, min(1.9, 7.0 / len(run.approaches)), limits)
+    for axis, approach, modes in zip(axes.flat, run.approaches, squealing, strict=True):
         f, damping = modes.frequency_hz / 1e3, modes.damping
         rest = np.full(f.size, True)
         for record in run.squeal.families(approach):
             if (approach, record.key) not in looks:
                 continue
-            own = modes.key == record.key
-            rest &= ~own
+            members = modes.key == record.key
+            rest &= ~members
             colour, marker = looks[approach, record.key]
             often = "" if record.share.n == 1 else f"{record.share.hits} of {record.share.n}, "
             text = f"{record.kilohertz} kHz: {often}{record.median:.2g}"
-            _scatter(axis, f[own], damping[own], colour, marker, 20, text)
+            _scatter(axis, f[members], damping[members], colour, marker, 20, text)
         _scatter(axis, f[rest], damping[rest], GREY, ".", 20, f"others: {rest.sum()} modes")
         if f.size:
             axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), handletextpad=0.1)
@@ -107,15 +115,10 @@ def _family_looks(run: RunData, most: int) -> dict[tuple[str, int], tuple[str, s
     return looks
 
 
-def _panels(run: RunData, height: float = 1.9) -> tuple[Figure, NDArray]:
+def _panels(run: RunData, height: float, limits: tuple[float, float]) -> tuple[Figure, NDArray]:
     """One panel per approach over shared axes, squeal shaded, counts in the title."""
-    modes = run.modes or {}
-    damping = modes["damping"]
-    n = len(run.approaches)
+    n, ticks = len(run.approaches), [-0.1, -0.01, -0.001, 0.0, 0.001, 0.01, 0.1]
     figure, axes = new_figure(n, 1, height=0.7 + height * n, sharex=True, sharey=True)
-    low, high = min(float(damping.min()), 0.0), max(float(damping.max()), 0.0)
-    reach = max(high - low, 1e-6)
-    low, high = low - 0.08 * reach, high + 0.3 * reach
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
         axis.axhspan(-1e3, -run.threshold, color="#fbeee6", lw=0, zorder=0)
         axis.axhline(0.0, color=BLACK, lw=0.6, zorder=1)
@@ -123,9 +126,9 @@ def _panels(run: RunData, height: float = 1.9) -> tuple[Figure, NDArray]:
             axis.axhline(-run.threshold, color=VERMILION, lw=0.8, ls="--", zorder=1)
         text = f"squeal: {run.criterion}"
         axis.text(0.995, 0.03, text, transform=axis.transAxes, ha="right", color=VERMILION, size=8)
-        axis.set(ylim=(low, high), ylabel=DAMPING_LABEL.replace("damping ", "damping\n"))
-        axis.set_title(_headline(run, approach))
-    top = float(modes["frequency_hz"].max()) / 1e3
+        damping_axis(axis, yticks=ticks, ylim=limits, title=_headline(run, approach))
+        finish(axis, "y", ylabel=DAMPING_LABEL.replace("damping ", "damping\n"))
+    top = float(run.modes["frequency_hz"].max()) / 1e3 if run.modes else 1.0
     axes[-1, 0].set(xlabel=KHZ, xlim=(0, 1.02 * top))
     return figure, axes
 
@@ -147,20 +150,91 @@ def _scatter(
         return
     many = x.size > MANY_POINTS
     x, y = _thinned(x), _thinned(y)
-    axes.scatter(
-        x,
-        y,
-        s=size * (0.5 if many else 1.0),
-        c=colour,
-        marker=marker,
-        linewidths=0,
-        alpha=0.35 if many else 0.8,
-        label=text,
-        rasterized=many,
-        zorder=3,
-    )
+    size, alpha = (0.5 * size, 0.35) if many else (size, 0.8)
+    style = {"c": colour, "marker": marker, "alpha": alpha, "label": text}
+    axes.scatter(x, y, s=size, linewidths=0, rasterized=many, zorder=3, **style)
 
 
 def _thinned(values: NDArray) -> NDArray:
     """At most as many values as a scatter draws."""
     return values[:: max(1, -(-values.size // DRAWN_POINTS))]
+
+
+def squeal_map(run: RunData, pictures: ModePictures, most: int = MOST) -> dict[str, Any] | None:
+    """What the template of the map shows.
+
+    Args:
+        run: the results.
+        pictures: pictures of mode shapes.
+        most: number of modes; of more than these a part is taken, squeal modes first.
+
+    Returns:
+        ``data`` for the script, columns of one length; ``shown`` of ``total`` modes and how they
+        were selected; None without modes.
+    """
+    if run.modes is None or run.modes["mode"].size == 0:
+        return None
+    names, modes = run.approaches, run.modes
+    number = np.full(len(modes["mode"]), -1, dtype=np.int8)
+    for j, name in enumerate(names):
+        number[run.squeal.of_good(name)] = j
+    hits = squeals(modes, run.threshold)
+    total = int(np.sum(number >= 0))
+    chosen, selection = _selected(number >= 0, hits, most)
+    if chosen.size == 0:
+        return None
+    verdict = np.array([VERDICTS.get(str(v), 2) for v in modes["verdict"][chosen]])
+    partner = modes["partner"][chosen] if "partner" in modes else np.full(chosen.size, np.nan)
+    data = {
+        "names": [run.label(name) for name in names],
+        "approach": number[chosen].tolist(),
+        "sample": modes["sample"][chosen].tolist(),
+        "mode": modes["mode"][chosen].tolist(),
+        "frequency": _rounded(modes["frequency_hz"][chosen], 7),
+        "damping": _rounded(modes["damping"][chosen], 4),
+        "error": _rounded(run.errors[chosen], 2),
+        "verdict": verdict.tolist(),
+        "family": modes["family"][chosen].astype(int).tolist(),
+        "partner": np.where(np.isnan(partner.astype(float)), -1, partner).astype(int).tolist(),
+        "thinned": chosen.size < total,
+        "families": {
+            f"{names.index(name)}:{f.key}": {
+                "khz": f.kilohertz,
+                "share": f"{f.share.hits} of {f.share.n} samples",
+                "shape": pictures.of_family(f),
+            }
+            for name, families in run.families.items() for f in families if f.key >= 0
+        },
+        "shapes": {
+            f"{names.index(name)}:{sample}:{mode}": key
+            for (name, sample, mode), key in pictures.by_mode.items() if name in names
+        },
+    }  # fmt: skip
+    return {
+        "data": data,
+        "approaches": data["names"],
+        "first": names.index(run.lead),
+        "threshold": f"{run.threshold:g}",
+        "shown": int(chosen.size),
+        "total": total,
+        "selection": selection,
+    }
+
+
+def _selected(known: NDArray, hits: NDArray, most: int) -> tuple[NDArray, str]:
+    """Rows of the table that are shown, and how they were taken: every n-th, squeal modes first."""
+    squeal, others = np.flatnonzero(known & hits), np.flatnonzero(known & ~hits)
+    if squeal.size + others.size <= most:
+        return np.flatnonzero(known), "all"
+    step = -(-squeal.size // (most // 2)) if squeal.size else 1
+    kept = squeal[::step]
+    rest = -(-others.size // max(most - kept.size, 1)) if others.size else 1
+    said = "all squeal modes" if step == 1 else f"one in {step} of the squeal modes"
+    return np.sort(
+        np.concatenate([kept, others[::rest]])
+    ), f"{said} and one in {rest} of the others"
+
+
+def _rounded(values: NDArray, digits: int) -> list[float | None]:
+    """Numbers of few digits; None for what is not finite."""
+    return [float(f"{v:.{digits}g}") if np.isfinite(v) else None for v in values.astype(float)]

@@ -6,11 +6,12 @@ import io
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
     from brake_fenicsx.results.run import RunData
 
@@ -30,6 +31,8 @@ APPROACH_LOOK = {
 APPROACH_LINE = {"classical": ":", "parametric": "--", "multi-scale": "-", "joint": "-."}
 HEIGHTS, PRESSURE = "cividis", "viridis"
 DAMPING_LABEL = r"damping $-2\,\alpha/|\omega|$ [-]"
+LINEAR_DAMPING = 1e-4  # below it an axis of damping is linear
+KHZ = "frequency [kHz]"
 WIDTH = 7.2  # [in] of a full page
 
 _PARAMETERS = {
@@ -137,9 +140,45 @@ def label(run: RunData, approach: str) -> str:
     return run.label(approach).replace("$", r"\$")
 
 
+def draw_field(
+    axes: Axes, values: NDArray, size: NDArray, colours: Any, missing: str, **scale: Any
+) -> Any:
+    """Values over a surface as an image, x to the right.
+
+    Args:
+        axes: of the panel.
+        values: shape (nx, ny); nan where there is none.
+        size: sides of the surface [mm].
+        colours: Matplotlib's colour map.
+        missing: colour of what there is no value for.
+        **scale: ``norm``, or ``vmin`` and ``vmax``.
+    """
+    colours = colours.copy()
+    colours.set_bad(missing)
+    extent = (0, float(size[0]), 0, float(size[1]))
+    image = axes.imshow(
+        values.T, origin="lower", extent=extent, cmap=colours, interpolation="nearest", **scale
+    )
+    axes.set(xlabel="x [mm]", ylabel="y [mm]")
+    axes.spines[["top", "right"]].set_visible(True)
+    return image
+
+
 def panel(axes: Axes, letter: str, title: str) -> None:
     """Head a panel with its letter and a short title."""
     axes.set_title(f"({letter}) {title}")
+
+
+def finish(axes: Axes, grid: Literal["both", "x", "y"] = "both", **keys: Any) -> None:
+    """Title, labels, scales and limits of a panel as ``Axes.set`` takes them, and a light grid."""
+    axes.set(**keys)
+    light_grid(axes, axis=grid)
+
+
+def damping_axis(axes: Axes, **keys: Any) -> None:
+    """An axis of damping, linear about zero and logarithmic beyond: flutter spans decades."""
+    axes.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
+    axes.set(**keys)
 
 
 def light_grid(axes: Axes, **keys: Any) -> None:

@@ -21,7 +21,8 @@ from .style import (
     SKY,
     VERMILION,
     WIDTH,
-    light_grid,
+    draw_field,
+    finish,
     new_figure,
     panel,
 )
@@ -57,9 +58,8 @@ def draw_topography(run: RunData) -> Figure | None:
     y = (np.arange(z.shape[1]) + 0.5) * size[1] / z.shape[1]
     axes[0, 1].plot(x, z[:, z.shape[1] // 2], color=BLUE, lw=0.9, label="along x, mid y")
     axes[0, 1].plot(y, z[z.shape[0] // 2], color=ORANGE, lw=0.9, ls="--", label="along y, mid x")
-    axes[0, 1].set(xlabel="position [mm]", ylabel="height [µm]")
     axes[0, 1].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.1)
-    light_grid(axes[0, 1])
+    finish(axes[0, 1], xlabel="position [mm]", ylabel="height [µm]")
     axes[0, 1].set_title("(b) profiles through the centre", pad=32)
     return figure
 
@@ -126,36 +126,22 @@ def draw_artificial(run: RunData) -> Figure | None:
     figure.colorbar(image, ax=list(axes[0]), label="height [µm]", shrink=0.9)
     letters = "abcd"[len(shown) :]
     compare(axes[1, 0], s, "hdf_z", "hdf_density", UM, 1 / UM)
-    axes[1, 0].set(xlabel="height [µm]", ylabel="density [1/µm]")
-    axes[1, 0].set_ylim(bottom=0)
-    panel(axes[1, 0], letters[0], "height distribution")
+    finish(axes[1, 0], xlabel="height [µm]", ylabel="density [1/µm]", ylim=(0, None),
+           title=f"({letters[0]}) height distribution")  # fmt: skip
     compare(axes[1, 1], s, "q", "C", 1.0, 1.0)
-    axes[1, 1].set(xscale="log", yscale="log", xlabel=Q_LABEL, ylabel=PSD_LABEL)
-    panel(axes[1, 1], letters[1], "radial PSD")
+    finish(axes[1, 1], xscale="log", yscale="log", xlabel=Q_LABEL, ylabel=PSD_LABEL,
+           title=f"({letters[1]}) radial PSD")  # fmt: skip
     for axis in axes[1]:
-        light_grid(axis)
         axis.legend(loc="best")
     return figure
 
 
 def _map(axes: Axes, z: NDArray, size: NDArray, limits: tuple[float, float]) -> Any:
-    """Heights [um] of shape (nx, ny) as an image with x to the right, missing points in red."""
+    """Heights [um] of shape (nx, ny) as an image, missing points in red."""
     import matplotlib
 
-    colours = matplotlib.colormaps[HEIGHTS].copy()
-    colours.set_bad(VERMILION)
-    image = axes.imshow(
-        z.T,
-        origin="lower",
-        extent=(0, float(size[0]), 0, float(size[1])),
-        cmap=colours,
-        vmin=limits[0],
-        vmax=limits[1],
-        interpolation="nearest",
-    )
-    axes.set(xlabel="x [mm]", ylabel="y [mm]")
-    axes.spines[["top", "right"]].set_visible(True)
-    return image
+    colours = matplotlib.colormaps[HEIGHTS]
+    return draw_field(axes, z, size, colours, VERMILION, vmin=limits[0], vmax=limits[1])
 
 
 def _height_limits(z: NDArray) -> tuple[float, float]:
@@ -219,8 +205,8 @@ def draw_bearing_curve(run: RunData) -> Figure | None:
         axis.plot(100 * share, height * UM, color=ORANGE, ls="--", label="artificial")
     if not axis.lines:
         return None
-    axis.set(xlabel="material ratio [%]", ylabel="height over the mean plane [µm]", xlim=(0, 100))
-    light_grid(axis)
+    over = "height over the mean plane [µm]"
+    finish(axis, xlabel="material ratio [%]", ylabel=over, xlim=(0, 100))
     axis.legend(loc="best")
     return figure
 
@@ -304,10 +290,8 @@ def _draw_psd(axes: Axes, surface: Arrays) -> None:
         axes.annotate(
             "$q_c$", (q_c, 0.97), xycoords=("data", "axes fraction"), fontsize=8, va="top"
         )
-    axes.set_ylabel(PSD_LABEL)
-    light_grid(axes)
     axes.legend(loc="lower left", fontsize=7.5)
-    panel(axes, "b", "radial power spectrum")
+    finish(axes, title="(b) radial power spectrum", ylabel=PSD_LABEL)
 
 
 def _measured(surface: Arrays) -> bool:
@@ -357,13 +341,11 @@ def _draw_residual(axes: Axes, surface: Arrays) -> None:
         used = np.interp(fit_q, surface["spectrum_q"], surface["spectrum_C"])
         axes.semilogx(fit_q, used / surface["fit_C"], color=VERMILION, lw=0.9)
     what = "scan" if len(scan_heights(surface)) == 1 else "mean"
-    axes.set(yscale="log", xlabel=Q_LABEL, ylabel=f"{what} / fit [-]")
     reach = max(2.2, 1.1 * float(np.max(np.maximum(ratio, 1 / ratio))))
-    axes.set_ylim(1 / reach, reach)
+    finish(axes, yscale="log", xlabel=Q_LABEL, ylabel=f"{what} / fit [-]", ylim=(1 / reach, reach))
     ticks = [t for t in (0.01, 0.1, 0.5, 1.0, 2.0, 10.0, 100.0) if 1 / reach < t < reach]
     axes.set_yticks(ticks, [f"{t:g}" for t in ticks])
     axes.minorticks_off()
-    light_grid(axes)
 
 
 def compare(axes: Axes, s: Arrays, x: str, y: str, x_unit: float, y_unit: float) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,6 @@ STATISTICS = (
 )
 SCANNED = ("mean", "median", "fit_rms")  # nothing where numbers are given in place of a scan
 FIRST = ("S_a", "S_q", "S_z", "S_sk", "S_ku", "S_dq", "S_dr", "S_al")
-PARAMETER_COLUMNS = ("parameter", "value", "standard_error", "unit")
 MOST_COLUMNS = 6  # of scans in a table
 UNSURE = 0.5  # standard error over the value
 LAW_COLUMNS = {
@@ -73,6 +73,27 @@ SUPPORT_COLUMNS = (
 HEIGHTS = "artificial_surface"
 
 
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter of the surface in its unit; numbers that are not known are None.
+
+    Attributes:
+        key: its short name.
+        text: its name.
+        unit: of its numbers.
+        value: of the surface.
+        error: standard error of the value.
+        each: with several scans their mean and standard deviation, and the value of each.
+    """
+
+    key: str
+    text: str
+    unit: str
+    value: float | None
+    error: float | None
+    each: list[float | None]
+
+
 def of_surface(run: RunData) -> bool:
     """Whether a run is of a surface and its laws alone."""
     brake = (run.modes, run.samples, run.contact)
@@ -81,8 +102,8 @@ def of_surface(run: RunData) -> bool:
 
 def surface_verdict(run: RunData) -> Verdict:
     """The first screen of the page of a surface: its main parameters, and warnings."""
-    rows = {key: row for key, row in _rows(run)}
-    facts = [(str(rows[key][0]), _fact(rows[key])) for key in FIRST if key in rows]
+    known = {p.key: p for p in _parameters(run)}
+    facts = [(p.text, _fact(p)) for key in FIRST if (p := known.get(key))]
     if scans := scans_of(run):
         facts.insert(0, ("Scans", f"{len(scans)}; ±: standard deviation over the scans"))
     return Verdict(facts=[*facts, *_law_facts(run)], warnings=[*warnings_of(run), *_unsure(run)])
@@ -101,24 +122,20 @@ def surface_blocks(run: RunData) -> list[Block]:
     """Figures and parameters of the surface."""
     if run.surface is None:
         return []
-    rows = [row for _, row in _rows(run)]
-    blocks: list[Block] = []
-    if "heights" not in run.surface:
-        said = "The scene gives statistics in place of a scan; the figures show these, and there"
-        blocks.append(Text(f"{said} is no fit."))
-    blocks += figures(run, "figure4_topography", "figure5_statistics")
-    if rows:
-        blocks += _parameter_blocks(run, rows)
+    given = "The scene gives statistics in place of a scan; the figures show these, and there is no"
+    parameters = _parameters(run)
     return [
-        *blocks,
+        *([Text(f"{given} fit.")] if "heights" not in run.surface else []),
+        *figures(run, "figure4_topography", "figure5_statistics"),
+        *(_parameter_blocks(run, parameters) if parameters else []),
         *figures(run, "bearing_curve", look="half"),
         *figures(run, "figure6_artificial"),
     ]
 
 
-def _parameter_blocks(run: RunData, rows: list[list[Value]]) -> list[Block]:
+def _parameter_blocks(run: RunData, parameters: list[Parameter]) -> list[Block]:
     """Tables of the parameters, and what they are."""
-    level = run.summary.get("in_effect", {}).get("surface", {}).get("level", "")
+    level = run.in_effect("surface").get("level", "")
     form = {"plane": "The least-squares plane", "second-order": "The second-order polynomial"}
     names = (
         "Names of ISO 25178-2; S_k, S_pk, S_vk, S_mr1 and S_mr2 from the line through the least"
@@ -128,12 +145,13 @@ def _parameter_blocks(run: RunData, rows: list[list[Value]]) -> list[Block]:
         " pixels, depend on the size of the pixel. All values are without masked outliers, points"
         " far from the median of their neighbours."
     )
-    heads, scans = ["quantity", "value", "standard error", "unit"], scans_of(run)
+    scans = scans_of(run)
+    over = ["mean", "standard deviation"] if scans else []
+    heads = ["quantity", "value", "standard error", *over, "unit"]
+    first = Table(heads, [[p.text, p.value, p.error, *p.each[:2], p.unit] for p in parameters])
     if not scans:
         errors = "of heights from blocks of the scan, of the spectrum from its fit."
-        return [Table(heads, rows), Text(f"{names} Standard errors: {errors}")]
-    over = ["mean", "standard deviation"]
-    first = Table([*heads[:3], *over, "unit"], [[*r[:3], *r[4:6], r[3]] for r in rows])
+        return [first, Text(f"{names} Standard errors: {errors}")]
     blocks: list[Block] = [first, Text(
         f"{names} Value: of the mean variance, of the heights of all scans about the mean plane of"
         " each (S_sk, S_ku) and of the mean spectrum (c1, c2, q_c, C0), from which artificial"
@@ -141,14 +159,12 @@ def _parameter_blocks(run: RunData, rows: list[list[Value]]) -> list[Block]:
         " spectrum from its fit, else the standard deviation over the root of the number of scans."
         " Mean and standard deviation (n - 1) are those of the scans below."
     )]  # fmt: skip
-    numbers = range(1, len(scans) + 1)
-    lost = [[k, s["file"], s["missing"], s["outliers"]]
-            for k, s in zip(numbers, scans, strict=True)]  # fmt: skip
+    lost = [[k, s["file"], s["missing"], s["outliers"]] for k, s in enumerate(scans, start=1)]
     blocks.append(Table(["scan", "file", "missing points", "masked outliers"], lost))
     for start in range(0, len(scans), MOST_COLUMNS):
-        part = [*numbers][start : start + MOST_COLUMNS]
-        cells = [[r[0], *(r[5 + k] for k in part), r[3]] for r in rows]
-        blocks.append(Table(["quantity", *(f"scan {k}" for k in part), "unit"], cells))
+        part = range(start, min(start + MOST_COLUMNS, len(scans)))
+        cells = [[p.text, *(p.each[2 + k] for k in part), p.unit] for p in parameters]
+        blocks.append(Table(["quantity", *(f"scan {k + 1}" for k in part), "unit"], cells))
     return blocks
 
 
@@ -157,27 +173,22 @@ def law_blocks(run: RunData) -> list[Block]:
     return figures(run, "figure8_laws", "figure7_contact_maps")
 
 
-def _rows(run: RunData) -> list[tuple[str, list[Value]]]:
-    """Keys and rows of the table of parameters: name, value, standard error, unit.
-
-    With several scans mean and standard deviation follow, and the value of each scan.
-    """
+def _parameters(run: RunData) -> list[Parameter]:
     if run.surface is None:
         return []
-    stats, by_numbers = surface_statistics(run.surface), "heights" not in run.surface
-    scans = scans_of(run)
+    stats, scans = surface_statistics(run.surface), scans_of(run)
     over = [stats["scan_mean"], stats["scan_std"], *scans] if scans else []
-    rows: list[tuple[str, list[Value]]] = []
+    found = []
     for key, text, unit, factor in STATISTICS:
-        if by_numbers and key in SCANNED:
+        if "heights" not in run.surface and key in SCANNED:
             continue
         value, error = _scaled(stats, key, factor), _scaled(stats, f"{key}_error", factor)
         if value is not None and (of_log := _scaled(stats, f"ln_{key}_error", 1.0)) is not None:
             error = of_log * value
         each = [_scaled(table, key, factor) for table in over]
         if value is not None or any(v is not None for v in each):
-            rows.append((key, [text, value, error, unit, *each]))
-    return rows
+            found.append(Parameter(key, text, unit, value, error, each))
+    return found
 
 
 def _scaled(table: Mapping[str, Any], key: str, factor: float) -> float | None:
@@ -194,31 +205,25 @@ def scans_of(run: RunData) -> list[dict[str, Any]]:
     return found if isinstance(found, list) else []
 
 
-def parameter_columns(run: RunData) -> tuple[str, ...]:
-    """Names of the columns of ``parameter_rows``."""
-    scans = [f"scan_{k}" for k in range(1, len(scans_of(run)) + 1)]
-    return (*PARAMETER_COLUMNS, *(["mean", "standard_deviation", *scans] if scans else []))
-
-
 def parameter_rows(run: RunData) -> list[list[Value]]:
     """Key, value, standard error and unit of every parameter; mean, scatter, and each scan."""
-    return [[key, *row[1:]] for key, row in _rows(run)]
+    return [[p.key, p.value, p.error, p.unit, *p.each] for p in _parameters(run)]
 
 
 def _unsure(run: RunData) -> list[str]:
     """Parameters of the spectrum that the scan hardly determines."""
     return [
-        f"the standard error of {row[0]} is {_number(row[2])} at a value of {_number(row[1])}"
-        f" {row[3]}: the scan hardly determines it".replace(" -:", ":")
-        for key, row in _rows(run)
-        if key in ("c1", "c2", "q_c", "C0") and isinstance(row[2], float)
-        and isinstance(row[1], float) and row[2] > UNSURE * abs(row[1])
+        f"the standard error of {p.text} is {p.error:.3g} at a value of {p.value:.3g} {p.unit}: the"
+        " scan hardly determines it".replace(" -:", ":")
+        for p in _parameters(run)
+        if p.key in ("c1", "c2", "q_c", "C0") and p.error is not None and p.value is not None
+        and p.error > UNSURE * abs(p.value)
     ]  # fmt: skip
 
 
 def _law_facts(run: RunData) -> list[tuple[str, str]]:
-    micro = run.summary.get("in_effect", {}).get("micro")
-    if run.laws is None or not isinstance(micro, dict):
+    micro = run.in_effect("micro")
+    if run.laws is None or not micro:
         return []
     patch, hardness = micro.get("patch"), micro.get("hardness")
     facts = [("Contact laws", f"{len(run.laws['d'])}")]
@@ -232,14 +237,10 @@ def _law_facts(run: RunData) -> list[tuple[str, str]]:
     return [*facts, ("Hardness", said)]
 
 
-def _fact(row: list[Value]) -> str:
+def _fact(p: Parameter) -> str:
     """Value and unit, with the standard deviation over several scans."""
-    scatter = f" ± {row[5]:.2g}" if len(row) > 5 and isinstance(row[5], float) else ""
-    return f"{_number(row[1])}{scatter} {row[3]}".removesuffix(" -")
-
-
-def _number(value: Value) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else "-"
+    scatter = f" ± {p.each[1]:.2g}" if p.each and p.each[1] is not None else ""
+    return f"{'-' if p.value is None else f'{p.value:.3g}'}{scatter} {p.unit}".removesuffix(" -")
 
 
 def write_surface_tables(run: RunData) -> list[Path]:
@@ -254,43 +255,39 @@ def write_surface_tables(run: RunData) -> list[Path]:
     Returns:
         Paths written; what the run has no numbers for is left out.
     """
-    folder, tables, written = run.directory, run.directory / "tables", list[Path]()
+    tables: dict[str, tuple[Sequence[str], Iterable[Sequence[Value]]]] = {}
     if run.laws is not None and "count" in run.laws:
         heads = [head for name, head in LAW_COLUMNS.items() if name in run.laws]
-        rows = _law_rows(run.laws)
-        written.append(write_rows(folder / "laws.csv", ("law", "step", *heads), rows))
+        tables["laws"] = ["law", "step", *heads], _law_rows(run.laws)
     if run.laws is not None and (support := settings_of(run.laws).get("support")):
-        tables.mkdir(exist_ok=True)
         columns = [support[name] for name in ("pressure", "scan_pixels", "grid_pixels")]
         bands = (row for name in ("k", "v", "k_patch", "v_patch") for row in support[name])
-        table = zip(*columns, *bands, strict=True)
-        written.append(write_rows(tables / "law_support.csv", SUPPORT_COLUMNS, table))
-    if (s := run.surface) is None:
-        return written
-    tables.mkdir(exist_ok=True)
-    path = tables / "surface.csv"
-    written.append(write_rows(path, parameter_columns(run), parameter_rows(run)))
+        tables["tables/law_support"] = SUPPORT_COLUMNS, zip(*columns, *bands, strict=True)
+    s, heights = run.surface or {}, list[Path]()
+    if s:
+        scans = [f"scan_{k}" for k in range(1, len(scans_of(run)) + 1)]
+        over = ["mean", "standard_deviation", *scans] if scans else []
+        heads = ["parameter", "value", "standard_error", "unit", *over]
+        tables["tables/surface"] = heads, parameter_rows(run)
     if "q" in s:
-        each = [*s["scan_C"]] if scans_of(run) else []
         low, high = s["q_band"]
         # The fit is a power law on both sides of a corner, which its own table resolves.
         fit = np.exp(np.interp(np.log(s["q"]), np.log(s["fit_q"]), np.log(s["fit_C"])))
         inside = (s["q"] >= low) & (s["q"] <= high)
         within = [float(c) if i else None for c, i in zip(fit, inside, strict=True)]
-        reliable = ["yes" if i else "no" for i in inside]
-        spectrum = zip(s["q"], s["C"], within, reliable, *each, strict=True)
-        of_scans = [f"C_scan_{k}_m4" for k in range(1, len(each) + 1)]
-        heads = ["q_rad_per_m", "C_m4", "fit_m4", "reliable", *of_scans]
-        written.append(write_rows(tables / "spectrum.csv", heads, spectrum))
+        columns = [s["q"], s["C"], within, ["yes" if i else "no" for i in inside]]
+        columns += [*s["scan_C"]] if scans else []
+        heads = ["q_rad_per_m", "C_m4", "fit_m4", "reliable", *(f"C_{k}_m4" for k in scans)]
+        tables["tables/spectrum"] = heads, zip(*columns, strict=True)
     if "heights" in s and np.isfinite(s["heights"]).any():
-        share, whole, scans = bearing_curves(s)
-        of_scans = [f"height_scan_{k}_m" for k in range(1, len(scans) + 1)]
-        heads = ["material_ratio", "height_m", *of_scans]
-        path = tables / "bearing_curve.csv"
-        written.append(write_rows(path, heads, zip(share, whole, *scans, strict=True)))
+        share, whole, each = bearing_curves(s)
+        heads = ["material_ratio", "height_m", *(f"height_{k}_m" for k in scans)]
+        tables["tables/bearing_curve"] = heads, zip(share, whole, *each, strict=True)
     if of_surface(run) and "artificial" in s:
-        written += _write_heights(folder, s["artificial"], s["artificial_size"])
-    return written
+        heights = _write_heights(run.directory, s["artificial"], s["artificial_size"])
+    (run.directory / "tables").mkdir(exist_ok=True)
+    paths = {run.directory / f"{name}.csv": table for name, table in tables.items()}
+    return [*(write_rows(path, *table) for path, table in paths.items()), *heights]
 
 
 def _law_rows(laws: Arrays) -> Iterator[list[Value]]:

@@ -8,11 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.results.run import RunData
-from brake_fenicsx.results.squeal import kilohertz
+from brake_fenicsx.results.squeal import kilohertz, squeals
 from brake_fenicsx.results.tables import Columns, rows_of
 
-from .squeal_figures import KHZ, LINEAR_DAMPING
-from .style import BLACK, CYCLE, DAMPING_LABEL, MARKERS, label, light_grid, look, new_figure, panel
+from .style import (
+    BLACK,
+    CYCLE,
+    DAMPING_LABEL,
+    KHZ,
+    MARKERS,
+    damping_axis,
+    finish,
+    label,
+    look,
+    new_figure,
+    panel,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,6 +32,10 @@ if TYPE_CHECKING:
 # Kinds of lock_in.csv, as in sweeps.events, which the report does not import: it needs the solver.
 MERGING, SPLITTING = "merging", "splitting"
 ONSET, END, FROM_FIRST = "onset of squeal", "end of squeal", "squeals from the first value"
+NO_EVENTS = {  # columns of lock_in.csv that are read, where there is none
+    "approach": str, "sample": float, "kind": str, "value": float, "frequency_hz": float,
+    "real_1_s": float, "branch": int, "with_branch": float,
+}  # fmt: skip
 MAX_WINDOWS = 3  # windows of one branch that are named
 Curve = tuple[NDArray, NDArray, NDArray]
 # Branches and families with a colour of their own.
@@ -43,17 +58,15 @@ class SweepEvents:
             run: the results.
             approach: its name.
         """
-        table = run.sweep.get("lock_in") or {}
-        own = np.isnan(table["sample"]) & (table["approach"] == approach) if table else []
-        self._table: Columns = rows_of(table, own)
+        table = run.sweep.get("lock_in") or {n: np.empty(0, t) for n, t in NO_EVENTS.items()}
+        nominal = np.isnan(table["sample"]) & (table["approach"] == approach)
+        self._table: Columns = rows_of(table, nominal)
         self.threshold = run.threshold
 
     def of(self, kind: str) -> Curve:
         """Values, frequencies [Hz] and branches of all events of a kind, shape (n,) each."""
-        if not self._table:
-            return np.empty(0), np.empty(0), np.empty(0, dtype=int)
-        own = self._table["kind"] == kind
-        return tuple(self._table[n][own] for n in ("value", "frequency_hz", "branch"))
+        events = rows_of(self._table, self._table["kind"] == kind)
+        return events["value"], events["frequency_hz"], events["branch"]
 
     def curve(self, rows: Columns, branch: int) -> Curve:
         """Values, frequencies [Hz] and dampings of a branch, with those at its events.
@@ -68,21 +81,18 @@ class SweepEvents:
         Returns:
             Arrays of shape (n,), in the order of the sweep.
         """
-        one = rows["branch"] == branch
-        columns = [rows[name][one] for name in ("value", "frequency_hz", "damping")]
+        rows_of_branch = rows["branch"] == branch
+        columns = [rows[name][rows_of_branch] for name in ("value", "frequency_hz", "damping")]
         falling = columns[0][-1] < columns[0][0]
-        if self._table:
-            kind, f = self._table["kind"], self._table["frequency_hz"]
-            own = self._table["branch"] == branch
-            crossing = own & np.isin(kind, (ONSET, END))
-            merging = (own | (self._table["with_branch"] == branch)) & np.isin(
-                kind, (MERGING, SPLITTING)
-            )
-            mean = -2 * self._table["real_1_s"] / (2 * np.pi * f)
-            damping = np.where(crossing, -self.threshold, mean)
-            new = crossing | merging
-            added = (self._table["value"][new], f[new], damping[new])
-            columns = [np.append(a, b) for a, b in zip(columns, added, strict=True)]
+        events, kind = self._table, self._table["kind"]
+        of_branch = events["branch"] == branch
+        crossing = of_branch & np.isin(kind, (ONSET, END))
+        merging = of_branch | (events["with_branch"] == branch)
+        new = crossing | merging & np.isin(kind, (MERGING, SPLITTING))
+        mean = -2 * events["real_1_s"] / (2 * np.pi * events["frequency_hz"])
+        damping = np.where(crossing, -self.threshold, mean)
+        added = (events["value"][new], events["frequency_hz"][new], damping[new])
+        columns = [np.append(a, b) for a, b in zip(columns, added, strict=True)]
         order = np.argsort(-columns[0] if falling else columns[0], kind="stable")
         x, f, damping = (column[order] for column in columns)
         return x, f, damping
@@ -97,24 +107,21 @@ class SweepEvents:
         Returns:
             The frequency at the first event, and the windows of values.
         """
-        if not self._table:
-            return ""
-        own = (self._table["branch"] == branch) & np.isin(
-            self._table["kind"], (ONSET, END, FROM_FIRST)
-        )
-        if not own.any():
-            return ""
+        kinds = np.isin(self._table["kind"], (ONSET, END, FROM_FIRST))
+        events = rows_of(self._table, (self._table["branch"] == branch) & kinds)
         windows: list[list[float]] = []
-        for kind, x in zip(self._table["kind"][own], self._table["value"][own], strict=True):
+        for kind, x in zip(events["kind"], events["value"], strict=True):
             if kind != END:
                 windows.append([factor * x])
             elif windows:
                 windows[-1].append(factor * x)
             else:  # the branch entered the band with squeal
                 windows.append([np.nan, factor * x])
-        said = ", ".join(map(_window, windows[:MAX_WINDOWS]))
+        if not windows:
+            return ""
+        text = ", ".join(map(_window, windows[:MAX_WINDOWS]))
         more = f" and {len(windows) - MAX_WINDOWS} more" if len(windows) > MAX_WINDOWS else ""
-        return f"{self._table['frequency_hz'][own][0] / 1e3:.3f} kHz {said}{more}"
+        return f"{events['frequency_hz'][0] / 1e3:.3f} kHz {text}{more}"
 
 
 def _window(ends: list[float]) -> str:
@@ -143,13 +150,13 @@ def axis_of(run: RunData, number: int = 0) -> tuple[float, str]:
 def draw_branches(run: RunData) -> Figure | None:
     """Frequency and damping of every branch of the scene's own brake, lock-in marked."""
     table = run.sweep.get("sweep")
-    if table is None or "value_2" in table or not np.any(own := np.isnan(table["sample"])):
+    if table is None or "value_2" in table or not np.any(nominal := np.isnan(table["sample"])):
         return None
-    approaches = [a for a in run.approaches if np.any(own & (table["approach"] == a))]
+    approaches = [a for a in run.approaches if np.any(nominal & (table["approach"] == a))]
     figure, axes = new_figure(2, len(approaches), height=5.6, sharex=True, sharey="row")
     factor, name = axis_of(run)
     for column, approach in enumerate(approaches):
-        rows = rows_of(table, own & (table["approach"] == approach))
+        rows = rows_of(table, nominal & (table["approach"] == approach))
         top, bottom = axes[0, column], axes[1, column]
         events = SweepEvents(run, approach)
         colours = _loud(rows, run.threshold, events)
@@ -165,10 +172,9 @@ def draw_branches(run: RunData) -> Figure | None:
         _mark_onsets(bottom, events, factor, colours)
         panel(top, "ab"[column], label(run, approach))
         bottom.axhline(-run.threshold, color=BLACK, lw=0.6, ls=":")
-        bottom.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
-        bottom.set_xlabel(name)
-        for axis in (top, bottom):
-            light_grid(axis)
+        damping_axis(bottom)
+        finish(top)
+        finish(bottom, xlabel=name)
         if colours:
             bottom.legend(title="squeals (frequency at the onset)", fontsize=7,
                           title_fontsize=8, loc="best")  # fmt: skip
@@ -228,22 +234,20 @@ def draw_critical(run: RunData) -> Figure | None:
     texts = kilohertz(families["frequency_hz"].tolist())
     for i, family in enumerate(families["family"][: MOST + 1]):
         any_ = np.isnan(family)
-        own = np.isnan(curve["family"]) if any_ else curve["family"] == family
-        x, colour = factor * curve["value"][own], BLACK if any_ else CYCLE[(i - 1) % len(CYCLE)]
+        rows = np.isnan(curve["family"]) if any_ else curve["family"] == family
+        x, colour = factor * curve["value"][rows], BLACK if any_ else CYCLE[(i - 1) % len(CYCLE)]
         hits, n = int(families["squeal_samples"][i]), int(families["samples"][i])
         text = "any family" if any_ else f"{texts[i]} kHz"
-        axis.plot(x, curve["share"][own], color=colour, lw=2.0 if any_ else 1.3,
+        axis.plot(x, curve["share"][rows], color=colour, lw=2.0 if any_ else 1.3,
                   ls="--" if any_ else "-", drawstyle="steps-post",
                   label=f"{text} ({hits} of {n})")  # fmt: skip
         # Bands of families that all squeal, or none, would lie upon one another.
-        open_ = (curve["share"][own] > 0) & (curve["share"][own] < 1)
+        open_ = (curve["share"][rows] > 0) & (curve["share"][rows] < 1)
         open_[1:] |= open_[:-1]
-        axis.fill_between(x, curve["low"][own], curve["high"][own], where=open_, color=colour,
+        axis.fill_between(x, curve["low"][rows], curve["high"][rows], where=open_, color=colour,
                           step="post", alpha=0.12, lw=0)  # fmt: skip
-    axis.set_xlabel(name)
-    axis.set_ylabel("share of samples that squeal by then [-]")
-    axis.set_ylim(0, 1.02)
-    light_grid(axis)
+    share = "share of samples that squeal by then [-]"
+    finish(axis, xlabel=name, ylabel=share, ylim=(0, 1.02))
     axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02))
     return figure
 
@@ -253,19 +257,16 @@ def draw_worst(run: RunData) -> Figure | None:
     table = run.sweep.get("sweep")
     if table is None or not np.any(rows := ~np.isnan(table["sample"])):
         return None
-    own = rows_of(table, rows)
-    values = np.unique(own["value"])
-    samples = np.unique(own["sample"])
+    rough = rows_of(table, rows)
+    values, samples = np.unique(rough["value"]), np.unique(rough["sample"])
     lowest, number = np.zeros((2, samples.size, values.size))
-    at, place = (
-        np.asarray(np.searchsorted(known, own[name]))
-        for known, name in ((values, "value"), (samples, "sample"))
-    )
-    np.minimum.at(lowest, (place, at), np.where(own["verdict"] == "unstable", own["damping"], 0.0))
-    squeal = (own["verdict"] == "unstable") & (own["damping"] < -run.threshold)
-    np.add.at(number, (place[squeal], at[squeal]), 1)
+    at = np.searchsorted(values, rough["value"])
+    place = np.searchsorted(samples, rough["sample"])
+    damping = np.where(rough["verdict"] == "unstable", rough["damping"], 0.0)
+    np.minimum.at(lowest, (place, at), damping)
+    np.add.at(number, (place, at), squeals(rough, run.threshold))
     factor, name = axis_of(run)
-    colour, _ = look(str(own["approach"][0]))
+    colour, _ = look(str(rough["approach"][0]))
     figure, axes = new_figure(1, 2, height=2.8)
     for axis, data, text in (
         (axes[0, 0], lowest, "lowest damping of a sample [-]"),
@@ -275,10 +276,8 @@ def draw_worst(run: RunData) -> Figure | None:
         axis.fill_between(factor * values, low, high, color=colour, alpha=0.25, lw=0,
                           label="5 to 95 %")  # fmt: skip
         axis.plot(factor * values, middle, color=colour, label="median")
-        axis.set_xlabel(name)
-        axis.set_ylabel(text)
-        light_grid(axis)
-    axes[0, 0].set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
+        finish(axis, xlabel=name, ylabel=text)
+    damping_axis(axes[0, 0])
     axes[0, 0].axhline(-run.threshold, color=BLACK, lw=0.6, ls=":")
     axes[0, 1].legend(loc="upper left")
     return figure
@@ -294,12 +293,12 @@ def draw_chart(run: RunData) -> Figure | None:
                               sharey=True)  # fmt: skip
     (fx, x_name), (fy, y_name) = axis_of(run), axis_of(run, 1)
     for row, approach in zip(axes, approaches, strict=True):
-        own = rows_of(chart, chart["approach"] == approach)
-        x, i = np.unique(own["value"], return_inverse=True)
-        y, j = np.unique(own["value_2"], return_inverse=True)
+        cells = rows_of(chart, chart["approach"] == approach)
+        x, i = np.unique(cells["value"], return_inverse=True)
+        y, j = np.unique(cells["value_2"], return_inverse=True)
         for axis, data, text in (
-            (row[0], own["squeal_modes"], "squeal modes"),
-            (row[1], np.maximum(-own["worst_damping"], 0.0), "largest negative damping [-]"),
+            (row[0], cells["squeal_modes"], "squeal modes"),
+            (row[1], np.maximum(-cells["worst_damping"], 0.0), "largest negative damping [-]"),
         ):
             grid = np.full((y.size, x.size), np.nan)
             grid[j, i] = data

@@ -7,74 +7,21 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
 
-from brake_fenicsx.results.ensemble_statistics import wilson
-from brake_fenicsx.results.limits import limit_rows
+from brake_fenicsx.results.answer import limit_rows, open_points, share_text
+from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import ApproachCount, Family
-from brake_fenicsx.results.tables import Value
 
 from .figures import lost_figures
-from .mode_cards import Card, ModePictures, family_card
-from .overview import open_points, share_text
+from .mode_cards import Card, ModePictures, family_card, mode_text
 from .page_blocks import Block, Table
 
 CANDIDATES = 3
 CLOSE = 0.01  # relative distance of two frequencies that may be those of a doublet
-
-
-def beside_candidates(run: RunData, families: Mapping[str, list[Family]], lead: str) -> list[str]:
-    """Sentences about the candidates, which are the most severe families of one approach.
-
-    Args:
-        run: the results.
-        families: of each approach, the most severe first.
-        lead: approach of the candidates.
-
-    Returns:
-        Neighbours that may be one doublet, and the worst mode of another approach where it has a
-        lower damping than all candidates.
-    """
-    chosen = families[lead][:CANDIDATES]
-    return [*_doublets(run, families[lead], chosen), *_worse(run, families, lead, chosen)]
-
-
-def _doublets(run: RunData, found: list[Family], chosen: list[Family]) -> list[str]:
-    """Two modes of one shape turned by an angle may change their numbers between samples."""
-    numbered = [f for f in found if f.key >= 0 and f.share.n > 1]
-    numbered.sort(key=lambda f: f.frequency)
-    said = []
-    for pair in pairwise(numbered):
-        low, high = pair
-        if high.frequency - low.frequency > CLOSE * high.frequency or not {*pair} & {*chosen}:
-            continue
-        modes = run.squeal.squeal_modes(low.approach)
-        hits = modes["sample"][modes.key.isin([f.key for f in pair])].nunique()
-        one, two = (f.kilohertz for f in sorted(pair, key=found.index))
-        said.append(
-            f"{one} and {two} kHz lie close together and may be one doublet: at least one squeals"
-            f" in {hits} of {low.share.n} samples."
-        )
-    return said
-
-
-def _worse(
-    run: RunData, families: Mapping[str, list[Family]], lead: str, chosen: list[Family]
-) -> list[str]:
-    """The mode of lowest damping of another approach, where no candidate has a lower one."""
-    others = [f for name, found in families.items() if name != lead for f in found]
-    if not others or not chosen:
-        return []
-    worst = min(others, key=lambda f: f.worst)
-    if worst.worst >= min(f.worst for f in chosen):
-        return []
-    modes = run.squeal.squeal_modes(worst.approach)
-    frequency = modes.frequency_hz[modes.damping.idxmin()]
-    return [
-        f"Another approach has a mode with a lower damping: {frequency / 1e3:.3f} kHz, damping"
-        f" {worst.worst:.2g} ({run.label(worst.approach)})."
-    ]
+ENOUGH = 300  # samples; of fewer the verdict says what so many would narrow the interval to
+WIDE = 0.1  # width of an interval from which it does
+UNDAMPED = "none named"
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,103 +31,104 @@ class Verdict:
     Attributes:
         text: the verdict in one sentence; empty if the run has none.
         level: "squeal", "open" or "calm", for its colour.
-        limits: table of what squeals at each limit of the damping; the text follows it.
+        limits: table of what squeals at each limit of the damping; it follows the text.
         more: sentences that follow it.
+        doubts: warnings that the verdict depends on, without a full stop.
         cards: the strongest candidates.
         notes: sentences about the candidates, below them.
         facts: conditions of the run, name and value.
-        warnings: warnings of the run, without a full stop.
-        blocks: what follows them.
+        warnings: other warnings of the run, likewise.
     """
 
     text: str = ""
     level: str = ""
     limits: list[Block] = field(default_factory=list)
     more: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
     cards: list[Card] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     facts: list[tuple[str, str]] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
-    blocks: list[Block] = field(default_factory=list)
 
 
-def make_verdict(
-    run: RunData, families: Mapping[str, list[Family]], lead: str, pictures: ModePictures
-) -> Verdict:
-    """The first screen of a run with modes.
+def make_verdict(run: RunData, pictures: ModePictures) -> Verdict:
+    """The first screen of a run of a brake; its verdict is about ``run.lead``.
 
     Args:
         run: the results.
-        families: of each approach, the most severe first.
-        lead: approach that the verdict is about; empty without one.
         pictures: pictures of mode shapes.
     """
-    facts, warnings = conditions(run, lead), warnings_of(run)
-    if not lead:
+    facts, warnings, families = conditions(run), warnings_of(run), run.families
+    if not run.lead:
         return Verdict("This run computed no modes.", facts=facts, warnings=warnings)
-    counted = run.squeal.count(lead)
-    text, level = _sentence(run, counted)
-    others = [name for name in families if name != lead]
-    more = _failure(run, counted)
+    counted, chosen = run.squeal.count(run.lead), families[run.lead][:CANDIDATES]
+    text, level, more = _sentences(run, counted, pictures)
+    more += _failure(run, counted)
+    others = [name for name in families if name != run.lead]
     more += [_other(run, run.squeal.count(name), families[name]) for name in others]
-    cards = [
-        family_card(run, f, pictures, rank)
-        for rank, f in enumerate(families[lead][:CANDIDATES], start=1)
-    ]
-    notes = beside_candidates(run, families, lead)
-    return Verdict(text, level, _limits(run, counted), more, cards, notes, facts, warnings)
-
-
-def leading_approach(run: RunData) -> str:
-    """The approach with the most of what varies, of those with good samples; several of them first.
-
-    Args:
-        run: the results.
-
-    Returns:
-        Its name; empty without modes and samples.
-    """
-    counts = [run.squeal.count(name) for name in run.approaches]
-    several = [c.approach for c in counts if c.samples > 1]
-    good = [c.approach for c in counts if c.samples]
-    return (several or good or run.approaches or [""])[-1]
+    return Verdict(
+        text, level, _limits(run, counted), more, [*filter(None, [open_points(run)])],
+        [family_card(run, f, pictures, rank) for rank, f in enumerate(chosen, start=1)],
+        [*_doublets(run, chosen), *_worse(run, chosen)], facts, warnings,
+    )  # fmt: skip
 
 
 def warnings_of(run: RunData) -> list[str]:
-    """Warnings of the run, and what its computation leaves open."""
+    """Warnings of the run, and figures that are lost."""
     found = run.summary.get("warnings")
-    lines = [str(text) for text in found] if isinstance(found, list) else []
-    lines += lost_figures(run.directory)
-    return [*lines, text] if (text := open_points(run)) else lines
+    return [*(map(str, found) if isinstance(found, list) else ()), *lost_figures(run.directory)]
 
 
-def _sentence(run: RunData, c: ApproachCount) -> tuple[str, str]:
-    name, share = run.label(c.approach), wilson(c.squeal_samples, c.samples)
+def _sentences(
+    run: RunData, c: ApproachCount, pictures: ModePictures
+) -> tuple[str, str, list[str]]:
+    """The verdict, its level, and the sentences that say how sure it is."""
+    name, limit = run.label(c.approach), f"with a {run.criterion}"
     if c.samples == 0:
         said = "the only sample" if c.failed == 1 else f"all {c.failed} samples"
-        return f"No verdict: {said} failed ({name}).", ""
-    limit = f"with a {run.criterion}"
+        return f"No verdict: {said} failed ({name}).", "", []
+    if c.squeal == 0:
+        if c.samples == 1:
+            return f"No squeal mode {limit} in one run ({name}).", "calm", []
+        share = wilson(0, c.samples)
+        said = f"No squeal was found: a squeal mode {limit} in {_often(share, name)}."
+        return said, "calm", _few(share)
+    worst = run.families[c.approach][0]
+    where = f"{worst.kilohertz} kHz{mode_text(run, worst, pictures)}"
     if c.samples == 1:
-        if c.squeal:
-            modes = f"{c.squeal} squeal mode{'' if c.squeal == 1 else 's'}"
-            return f"Squeal is predicted: {modes} {limit} in one run ({name}).", "squeal"
-        return f"No squeal mode {limit} in one run ({name}).", "calm"
-    interval = f"95 % interval {100 * share.low:.0f} to {100 * share.high:.0f} %"
-    said = (
-        f"{c.squeal_samples} of {c.samples} samples have a squeal mode {limit}"
-        f" ({100 * share.value:.0f} %, {interval}; {name})."
-    )
-    most = settings_in_effect(run, "samples").get("limit", 0.5)
-    if c.squeal_samples == 0:
-        return f"No squeal was found: {said}", "calm"
+        modes = f"{c.squeal} squeal mode{'' if c.squeal == 1 else 's'}"
+        said = f"Squeal is predicted at {where}: {modes} {limit} in one run ({name})."
+        return said, "squeal", []
+    share, most = wilson(c.squeal_samples, c.samples), run.in_effect("samples").get("limit", 0.5)
     if share.low > most:
-        return f"Squeal is likely at the limit of the scene: {said}", "squeal"
-    if share.high < most:
-        return f"Squeal is possible: {said}", "open"
-    return (
-        f"Squeal is possible, its probability may lie on either side of {100 * most:g} %: {said}",
-        "open",
-    )
+        said, level = "Squeal is likely at the limit of the scene", "squeal"
+    elif share.high < most:
+        said, level = "Squeal is possible", "open"
+    else:
+        said = f"Squeal is possible, its probability may lie on either side of {100 * most:g} %"
+        level = "open"
+    more = _few(worst.share)
+    if worst.share.hits != share.hits:
+        more = [f"At least one squeal mode {limit} in {_often(share)}.", *more]
+    return f"{said}: {where}, in {_often(worst.share, name)}.", level, more
+
+
+def _often(share: Proportion, *about: str) -> str:
+    """In how many samples, with the interval of the probability."""
+    often = f"all {share.n}" if share.hits == share.n else f"{share.hits} of {share.n}"
+    interval = f"95 % interval {100 * share.low:.0f} to {100 * share.high:.0f} %"
+    return f"{often} samples ({'; '.join([interval, *about])})"
+
+
+def _few(share: Proportion) -> list[str]:
+    """What more samples would narrow an interval to, where it is wide."""
+    if share.n >= ENOUGH or share.high - share.low < WIDE:
+        return []
+    more = wilson(round(share.value * ENOUGH), ENOUGH)
+    return [
+        f"{share.n} samples are few: {ENOUGH} with the same share would give"
+        f" {100 * more.low:.0f} to {100 * more.high:.0f} %."
+    ]
 
 
 def _failure(run: RunData, c: ApproachCount) -> list[str]:
@@ -200,13 +148,13 @@ def _failure(run: RunData, c: ApproachCount) -> list[str]:
 def _limits(run: RunData, c: ApproachCount) -> list[Block]:
     """What squeals at each limit of the damping."""
     what = "samples that squeal" if c.samples > 1 else "squeal modes"
-    rows: list[list[Value]] = []
+    rows = []
     for r in limit_rows(run, [c.approach]):
-        share = share_text(r.share, r.share_low, r.share_high)
-        counted = f"{r.squeal_samples} of {r.samples}: {share}"
-        rows.append([
-            r.limit, f"{r.damping_below:g}", counted if c.samples > 1 else str(r.squeal_modes)
-        ])  # fmt: skip
+        counted = str(r.squeal_modes)
+        if c.samples > 1:
+            share = share_text(r.share, r.share_low, r.share_high)
+            counted = f"{r.squeal_samples} of {r.samples}: {share}"
+        rows.append([r.limit, f"{r.damping_below:g}", counted])
     return [Table(["limit", "damping below", what], rows)] if rows else []
 
 
@@ -223,16 +171,44 @@ def _other(run: RunData, c: ApproachCount, found: list[Family]) -> str:
     return f"{name}: {c.squeal_samples} of {c.samples} samples squeal, {most}."
 
 
-UNDAMPED = "none named"
+def _doublets(run: RunData, chosen: list[Family]) -> list[str]:
+    """Two modes of one shape turned by an angle may change their numbers between samples."""
+    found = run.families[run.lead]
+    numbered = [f for f in found if f.key >= 0 and f.share.n > 1]
+    numbered.sort(key=lambda f: f.frequency)
+    said = []
+    for pair in pairwise(numbered):
+        low, high = pair
+        if high.frequency - low.frequency > CLOSE * high.frequency or not {*pair} & {*chosen}:
+            continue
+        modes = run.squeal.squeal_modes(low.approach)
+        hits = modes["sample"][modes.key.isin([f.key for f in pair])].nunique()
+        one, two = (f.kilohertz for f in sorted(pair, key=found.index))
+        said.append(
+            f"{one} and {two} kHz lie close together and may be one doublet: at least one squeals"
+            f" in {hits} of {low.share.n} samples."
+        )
+    return said
 
 
-def conditions(run: RunData, lead: str) -> list[tuple[str, str]]:
-    """Under which conditions the brake was studied, name and value.
+def _worse(run: RunData, chosen: list[Family]) -> list[str]:
+    """The mode of lowest damping of another approach, where no candidate has a lower one."""
+    others = [f for name, found in run.families.items() if name != run.lead for f in found]
+    if not others or not chosen:
+        return []
+    worst = min(others, key=lambda f: f.worst)
+    if worst.worst >= min(f.worst for f in chosen):
+        return []
+    modes = run.squeal.squeal_modes(worst.approach)
+    frequency = modes.frequency_hz[modes.damping.idxmin()]
+    return [
+        f"Another approach has a mode with a lower damping: {frequency / 1e3:.3f} kHz, damping"
+        f" {worst.worst:.2g} ({run.label(worst.approach)})."
+    ]
 
-    Args:
-        run: the results; its summary is read.
-        lead: approach whose forces are shown.
-    """
+
+def conditions(run: RunData) -> list[tuple[str, str]]:
+    """Under which conditions the brake was studied, name and value; forces are of ``run.lead``."""
     return [
         (name, text)
         for name, text in (
@@ -240,23 +216,12 @@ def conditions(run: RunData, lead: str) -> list[tuple[str, str]]:
             ("Load", _loads(run)),
             ("Damping", UNDAMPED if run.damping == "" and run.modes is not None else run.damping),
             ("Speed", _speed(run)),
-            *_forces(run, lead),
+            *_forces(run),
             ("Samples", _samples(run)),
             ("Squeal", _squeal(run)),
         )
         if text
     ]
-
-
-def settings_in_effect(run: RunData, section: str) -> Mapping[str, Any]:
-    """Values of a section of the scene, defaults too; empty where there are none.
-
-    Args:
-        run: the results.
-        section: its name.
-    """
-    found = run.summary.get("in_effect", {}).get(section)
-    return found if isinstance(found, Mapping) else {}
 
 
 def _friction(run: RunData) -> str:
@@ -270,7 +235,7 @@ def _friction(run: RunData) -> str:
 
 def _loads(run: RunData) -> str:
     said = []
-    for face, load in settings_in_effect(run, "loads").items():
+    for face, load in run.in_effect("loads").items():
         if isinstance(load, Mapping):
             if (p := load.get("pressure")) is not None:
                 said.append(f"{p / 1e6:.4g} MPa on {face}")
@@ -281,13 +246,13 @@ def _loads(run: RunData) -> str:
 
 
 def _speed(run: RunData) -> str:
-    return str(settings_in_effect(run, "motion").get("speed") or "")
+    return str(run.in_effect("motion").get("speed") or "")
 
 
-def _forces(run: RunData, lead: str) -> list[tuple[str, str]]:
+def _forces(run: RunData) -> list[tuple[str, str]]:
     """Normal force of each pad and brake torque of all, means over the samples."""
     found = run.summary.get("contact_forces")
-    pads = found.get(lead) if isinstance(found, Mapping) else None
+    pads = found.get(run.lead) if isinstance(found, Mapping) else None
     if not isinstance(pads, Mapping) or not pads:
         return []
     normal = [f"{pad['normal_N']:.4g} N" for pad in pads.values()]
@@ -313,7 +278,7 @@ def _squeal(run: RunData) -> str:
     """What counts as squeal, and in which band."""
     if run.modes is None:
         return ""
-    band, where = settings_in_effect(run, "stability").get("band"), ""
+    band, where = run.in_effect("stability").get("band"), ""
     if isinstance(band, list) and len(band) == 2:
         where = f", {band[0] / 1e3:g} to {band[1] / 1e3:g} kHz"
     return f"unstable mode with {run.criterion}{where}"

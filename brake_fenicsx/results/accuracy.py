@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .tables import Columns, Row
-
-if TYPE_CHECKING:
-    from .run import RunData
+from .run import RunData
+from .tables import Row
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +47,6 @@ class SpeedRow(Row):
     error_median: float | None
     error_max: float | None
     counted_by: str | None
-
-
-PART = 2**18  # modes whose errors are computed together
 
 
 def error_rows(run: RunData) -> list[ErrorRow]:
@@ -104,18 +99,6 @@ def speed_rows(run: RunData) -> list[SpeedRow]:
         true = [checked.get(f"{kind}_relative_error") for kind in ("median", "largest")]
         rows.append(SpeedRow.of("against full order", compared, None, None, *true, verdicts))
     return rows
-
-
-def eigenvalue_errors(modes: Columns) -> NDArray[np.float64]:
-    """Error estimates of the eigenvalues of a table over |lambda|; nan of rigid modes."""
-    from brake_fenicsx.stability.modes import relative_errors
-
-    real, f, error = (modes[name] for name in ("real_1_s", "frequency_hz", "error_estimate"))
-    out = np.empty(len(f))
-    for i in range(0, len(f), PART):
-        own = slice(i, i + PART)
-        out[own] = relative_errors(real[own] + 2j * np.pi * f[own], error[own])
-    return out
 
 
 def stage_rows(summary: Mapping[str, Any]) -> list[StageRow]:

@@ -1,18 +1,26 @@
-"""The answer in tables: per approach, per family of modes, per frequency band."""
+"""The answer in tables and words: per approach, limit of the damping, family and frequency band.
+
+The limits of the damping -2 alpha / |omega| are that of the scene (``stability.threshold``), the
+customary one of Abaqus, and zero: every unstable mode, with nothing but the damping that the scene
+names.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
+
 from .accuracy import ErrorRow, SpeedRow, StageRow, error_rows, speed_rows, stage_rows
-from .ensemble_statistics import wilson
-from .limits import LimitRow, limit_rows, share_cells
+from .ensemble_statistics import Proportion, wilson
 from .run import RunData, read_run
-from .squeal import Family
-from .tables import Row, RowTable
+from .squeal import Family, squeals
+from .tables import Row, RowTable, Value, text_table
+
+USUAL = 0.01  # of the damping ratio -2 Re / |Im| that Abaqus prints
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +76,65 @@ class BandRow(Row):
     share: float | None
     share_low: float | None
     share_high: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class LimitRow(Row):
+    """A row of limits.csv: what squeals of an approach at a limit of the damping."""
+
+    approach: str
+    limit: str
+    damping_below: float
+    squeal_modes: int
+    squeal_samples: int
+    samples: int
+    share: float | None
+    share_low: float | None
+    share_high: float | None
+
+
+def share_cells(share: Proportion) -> list[float | None]:
+    """A share and its interval; a single sample has a verdict, no share."""
+    return share.cells if share.n > 1 else [None] * 3
+
+
+def limits(run: RunData) -> dict[float, str]:
+    """Limits of the damping without their minus, and what each one is; equal ones once.
+
+    Args:
+        run: the results; its threshold and the damping of the scene are read.
+    """
+    named = run.damping
+    damping = f" (damping of the scene: {named})" if named else " (the model has no damping)"
+    texts: dict[float, list[str]] = {}
+    for limit, text in (
+        (run.threshold, "limit of the scene"),
+        (USUAL, "customary limit in Abaqus"),
+        (0.0, f"every unstable mode{damping if named is not None else ''}"),
+    ):
+        texts.setdefault(limit, []).append(text)
+    return {limit: "; ".join(said) for limit, said in texts.items()}
+
+
+def limit_rows(run: RunData, approaches: Sequence[str] | None = None) -> list[LimitRow]:
+    """One row for each approach and limit.
+
+    Args:
+        run: the results.
+        approaches: names; all if None. One without a sample that ended well has no rows.
+    """
+    rows, modes = list[LimitRow](), run.modes
+    for approach in run.approaches if approaches is None else approaches:
+        n = run.squeal.good(approach).size
+        if n == 0 or modes is None:
+            continue
+        for limit, text in limits(run).items():
+            squealing = run.squeal.of_good(approach) & squeals(modes, limit)
+            hits = np.unique(modes["sample"][squealing]).size
+            share = share_cells(wilson(hits, n))
+            counts = int(squealing.sum()), hits, n
+            rows.append(LimitRow.of(approach, text, -limit or 0.0, *counts, *share))
+    return rows
 
 
 def approach_rows(run: RunData, most: int = 3) -> list[ApproachRow]:
@@ -148,3 +215,75 @@ def write_tables(directory: str | Path | RunData) -> list[Path]:
 def _family_text(f: Family) -> str:
     often = f"{f.share.hits}/{f.share.n}, " if f.share.n > 1 else ""
     return f"{f.kilohertz} kHz ({often}{f.median:.2g})"
+
+
+def for_reading(
+    run: RunData, rows: Sequence[Row], *without: str, **heads: str
+) -> tuple[list[str], list[list[Value]]]:
+    """Headings and cells of a table for a person; a share and its interval are one cell.
+
+    Args:
+        run: the results, which name the approaches.
+        rows: at least one.
+        without: columns that are not shown.
+        heads: headings of columns; of the others their names.
+    """
+    names = [n for n in rows[0].names() if n not in (*without, "share_low", "share_high")]
+
+    def cell(row: Row, name: str) -> Value:
+        if name == "share":
+            return share_text(*(getattr(row, f"share{end}") for end in ("", "_low", "_high")))
+        value: Value = getattr(row, name)
+        return run.label(str(value)) if name == "approach" else value
+
+    shown = [[cell(row, name) for name in names] for row in rows]
+    return [heads.get(name, name.replace("_", " ")) for name in names], shown
+
+
+def summary_table(run: RunData | str | Path) -> str:
+    """The answer of a run as text for the terminal.
+
+    Args:
+        run: the results, or the run directory.
+
+    Returns:
+        What counts as squeal, a table with one line per approach, and one with what squeals at
+        other limits of the damping.
+    """
+    run = read_run(run)
+    severe = "most severe (squeal samples, median damping)"
+    tables = [for_reading(run, approach_rows(run), "threshold", most_severe=severe)]
+    tables += [for_reading(run, rows) for rows in (limit_rows(run),) if rows]
+    said = f"squeal: unstable modes with {run.criterion} (stability.threshold)"
+    return "\n".join([said, "\n\n".join(text_table(*table) for table in tables)])
+
+
+def open_points(run: RunData) -> str:
+    """What the computation itself leaves open, in one line; empty where it leaves nothing.
+
+    Args:
+        run: the results; ``samples`` of its summary is read.
+    """
+    facts = run.summary.get("samples")
+    lines = []
+    for name, about in facts.items() if isinstance(facts, Mapping) else ():
+        said = []
+        if missed := about.get("tolerance_missed"):
+            said.append(
+                f"tolerance not reached: {missed} of {about['modes']} modes have an error estimate"
+                f" above stability.tolerance, the largest {about['largest_error']:.1e} of |lambda|"
+            )
+        if unproven := about.get("not_complete"):
+            said.append(
+                f"in {unproven} of {about['good']} samples the number of modes is not proven, one"
+                " may be missing"
+            )
+        if said:
+            lines.append(f"{run.label(name)}: {', '.join(said)}")
+    return "; ".join(lines) + " (samples.csv)" if lines else ""
+
+
+def share_text(*interval: Value) -> str:
+    """A share with its interval in per cent, or a dash where there is none."""
+    known = [100 * v for v in interval if isinstance(v, float) and np.isfinite(v)]
+    return "{:.0f} % ({:.0f} to {:.0f} %)".format(*known) if len(known) == 3 else "-"

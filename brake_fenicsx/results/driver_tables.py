@@ -85,8 +85,8 @@ def _numbers(data: dict[str, Any], place: int) -> NDArray:
     mode = int(data["driver_mode"][place])
     s, d = complex(data["s"][mode]), data["driver_value"][:, place]
     damping = -2 * d.real / s.imag + 2 * s.real * d.imag / s.imag**2
-    own = [s.imag / (2 * np.pi), s.real, float(data["damping"][mode])]
-    columns = [*own, float(data["condition"][mode]), d.real, d.imag / (2 * np.pi), damping]
+    mode_numbers = [s.imag / (2 * np.pi), s.real, float(data["damping"][mode])]
+    columns = [*mode_numbers, float(data["condition"][mode]), d.real, d.imag / (2 * np.pi), damping]
     trusted = data["driver_trusted"][:, place].astype(float)
     return np.stack([*(np.broadcast_to(c, d.shape) for c in columns), trusted], axis=1)
 
@@ -106,7 +106,7 @@ def _names(data: dict[str, Any]) -> list[tuple[str, str]]:
 def _rows(stored: StoredSamples, threshold: float) -> Iterator[Driver]:
     every = list(stored.with_arrays("driver_"))
     for nominal, data in stored.first.items():
-        own = [(d, family) for task, d, family in every if task[0] == nominal[0]]
+        samples = [(d, family) for task, d, family in every if task[0] == nominal[0]]
         family = next((f for task, _, f in every if task == nominal), np.zeros(0, np.int32))
         for place in _squealing(data, threshold):
             mode = int(data["driver_mode"][place])
@@ -114,7 +114,7 @@ def _rows(stored: StoredSamples, threshold: float) -> Iterator[Driver]:
                 yield _row([*nominal, int(family[mode]), mode], numbers, name, 1)
         good = zip(stored.rows["approach"], stored.rows["status"], strict=True)
         if sum(row == (nominal[0], "ok") for row in good) > 1:
-            yield from _medians(nominal[0], own, threshold)
+            yield from _medians(nominal[0], samples, threshold)
 
 
 def _medians(
@@ -127,12 +127,12 @@ def _medians(
             rows = dict(zip(_names(data), _numbers(data, place), strict=True))
             members.setdefault(int(family[int(data["driver_mode"][place])]), []).append(rows)
     members.pop(-1, None)
-    for number, own in sorted(members.items()):
-        for name in own[-1]:
-            if all(name in rows for rows in own):
-                each = np.array([rows[name] for rows in own])
+    for number, rows_of_modes in sorted(members.items()):
+        for name in rows_of_modes[-1]:
+            if all(name in rows for rows in rows_of_modes):
+                each = np.array([rows[name] for rows in rows_of_modes])
                 median = np.r_[np.median(each[:, :7], axis=0), each[:, 7].mean()]
-                yield _row([approach, MEDIAN, number, None], median, name, len(own))
+                yield _row([approach, MEDIAN, number, None], median, name, len(rows_of_modes))
 
 
 def _maps(stored: StoredSamples, threshold: float) -> Iterator[ContactDriver]:

@@ -1,17 +1,27 @@
-"""Families: modes of different samples, runs or meshes that have the same shape, by their MAC."""
+"""Families: modes of different samples, runs or meshes that have the same shape, by their MAC.
+
+Families of another run have coordinates in another basis, on another mesh perhaps. What both have
+are places: the displacement of a family at nodes of the mesh, and the body that each belongs to.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+from scipy.spatial import KDTree
 
 from brake_fenicsx.mac import mac
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Index = NDArray[np.intp]
 
-
+SHAPES = "shapes.npz"
+# Nodes of stored shapes at most: 3 mm apart on average in the reference brake.
+MOST_POINTS = 20_000
 # Part of their planes that two pairs of merging modes share, where they are one pair.
 ONE_PAIR = 0.9
 # Modes of one shape have frequencies whose logarithms differ by less.
@@ -162,3 +172,50 @@ class ModeFamilies:
             self.vectors.append(X[:, j].copy())
             self.frequencies.append(float(f[j]))
         return family
+
+
+def family_shapes(places: Array, u: Complex, numbers: Index) -> dict[str, NDArray]:
+    """Displacements of families at nodes, as arrays to store.
+
+    Args:
+        places: coordinates [m], direction (0, 1, 2) and centre of the body [m] of every free dof,
+            shape (dofs, 7).
+        u: displacement of a mode of each family, shape (dofs, families).
+        numbers: number of each family.
+
+    Returns:
+        "points" [m], shape (nodes, 3); "body", the centre of the body of each node [m], likewise;
+        "shapes", shape (families, nodes, 3), of unit norm; "families".
+    """
+    moves = places[:, 3] < 3
+    places, u = places[moves], u[moves]
+    # Rounded, so that the components of one node have one place whatever the round-off.
+    keys = np.round(np.delete(places, 3, axis=1), 9)
+    _, first, node = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    vectors = np.zeros((u.shape[1], first.size, 3), complex)
+    vectors[:, node.ravel(), places[:, 3].astype(int)] = u.T
+    step = max(1, -(-first.size // MOST_POINTS))
+    chosen, kept = vectors[:, ::step], keys[first[::step]]
+    size = np.linalg.norm(chosen.reshape(len(chosen), -1), axis=1)
+    shapes = (chosen / np.maximum(size, 1e-300)[:, None, None]).astype(np.complex64)
+    return {
+        "points": kept[:, :3], "body": places[first[::step], 4:], "shapes": shapes,
+        "families": numbers,
+    }  # fmt: skip
+
+
+def shapes_at_dofs(shapes: Mapping[str, NDArray], places: Array) -> Complex:
+    """Displacements of stored families at the free dofs of another mesh: of the nearest nodes.
+
+    Args:
+        shapes: what ``family_shapes`` gave.
+        places: of every free dof, as above.
+
+    Returns:
+        Shape (dofs, families).
+    """
+    nodes = np.column_stack([shapes["points"], shapes["body"]])
+    nearest = KDTree(nodes).query(np.delete(places, 3, axis=1))[1]
+    moves = places[:, 3] < 3
+    found = shapes["shapes"][:, nearest, np.where(moves, places[:, 3], 0).astype(int)] * moves
+    return np.asarray(found.T, dtype=complex)

@@ -1,13 +1,12 @@
-"""Tables at the end of a run: CSV files for users, arrays of what the samples do not tell."""
+"""The end of a run: CSV files, arrays of what the samples do not tell, figures of the summary."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brake_fenicsx.extensions import load, named
 from brake_fenicsx.folder import sample_files
@@ -16,23 +15,18 @@ from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.contact_elements import Contact
-from brake_fenicsx.samples.forces import contact_of, force_statistics
-from brake_fenicsx.samples.numbering import dof_points
+from brake_fenicsx.samples.forces import contact_of, force_statistics, stuck_states
+from brake_fenicsx.samples.numbering import dof_places
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene.digest import in_effect
 
 from . import sample_blocks as blocks
-from .columns import column_writer
-from .counts import sample_facts, verification
 from .driver_tables import contact_driver_table, driver_table
-from .family_shapes import FILE as SHAPES
-from .family_shapes import family_shapes
-from .run import CAUSES, CONTACT, read_run, save_tables
-from .stored import StoredSamples
-from .tables import MODES, Row, RowTable
-
-if TYPE_CHECKING:
-    from .probabilities import Ensemble
+from .families import SHAPES, family_shapes
+from .probabilities import Ensemble, cause_tables, ensembles, find_causes, probability_facts
+from .run import CAUSES, CONTACT, eigenvalue_errors, read_run, save_tables
+from .stored import PROVEN, StoredSamples
+from .tables import MODES, Row, RowTable, column_writer
 
 First = Mapping[Task, Mapping[str, Any]]
 
@@ -70,20 +64,14 @@ def prepare_blocks(study: Study) -> None:
         if study.store.share is not None:
             return
         study.run(blocks.FOUNDING)
-        on_first(lambda: _keep_founders(study), study.comm)
+        on_first(lambda: blocks.keep_founders(study.store, study.tasks), study.comm)
     tabulate = blocks.tabulation_of(
         study.store, study.tasks, None if stability is None else stability.threshold
     )
-    own = {name for name, _ in study.tasks}
+    approaches = {name for name, _ in study.tasks}
     study.store.samples.tabulate = lambda tasks, load: (
-        tabulate(tasks, load) if tasks[0][0] in own else None
+        tabulate(tasks, load) if tasks[0][0] in approaches else None
     )
-
-
-def _keep_founders(study: Study) -> None:
-    made = blocks.founders_of(study.store, study.tasks)
-    vectors, frequencies = np.array(made.vectors), np.array(made.frequencies)
-    study.store.save(blocks.FOUNDERS, vectors=vectors, frequencies=frequencies)
 
 
 def write_results(study: Study) -> First:
@@ -92,27 +80,22 @@ def write_results(study: Study) -> First:
     Returns:
         What was stored of the first good sample of each approach.
     """
-    points = dof_points(study.brake)
-    first, facts, found = on_first(lambda: _tables(study, points), study.comm)
+    first, facts, approaches = on_first(lambda: _tables(study), study.comm)
     release_memory()
     study.facts |= facts
-    if found is not None:
-        from .probabilities import cause_tables, find_causes, probability_facts
-
+    if approaches is not None:
         samples = study.scene.samples
-        find_causes(samples, found, study.comm)
+        find_causes(samples, approaches, study.comm)
 
         def write() -> dict[str, Any]:
-            tables = cause_tables(samples, found)
+            tables = cause_tables(samples, approaches)
             for name, table in tables.items():
                 table.write(study.store.path(f"{name}.csv"))
             save_tables(study.store, CAUSES, {n: t.columns for n, t in tables.items()})
-            return probability_facts(samples, found)
+            return probability_facts(samples, approaches)
 
         study.facts["probabilities"] = on_first(write, study.comm)
     if study.brake.stuck:
-        from brake_fenicsx.samples.forces import stuck_states
-
         study.facts["stuck_contact"] = on_first(
             lambda: stuck_states(study.scene, study.brake, first, study.displacements(first)),
             study.comm,
@@ -120,9 +103,7 @@ def write_results(study: Study) -> First:
     return first
 
 
-def _tables(
-    study: Study, points: NDArray[np.float64]
-) -> tuple[First, dict[str, Any], list[Ensemble] | None]:
+def _tables(study: Study) -> tuple[First, dict[str, Any], list[Ensemble] | None]:
     """The same on one process, but for the causes of squeal, which all share."""
     scene, path, stability = study.scene, study.store.path, study.scene.stability
     run = read_run(study.store.directory, {"in_effect": in_effect(scene)})
@@ -145,13 +126,18 @@ def _tables(
         with column_writer(path("modes.csv"), MODES) as write:
             for part in stored.modes.parts():
                 write(part)
+        known = stored.squealing_members
         if stored.members.vectors:
             study.families = np.array(stored.members.vectors).T
             # A sweep compares modes that begin to squeal with the squealing mode of each family.
-            study.squealing = [*stored.squealing_members]
-            for n, vector in stored.squealing_members.items():
+            study.squealing = [*known]
+            for n, vector in known.items():
                 study.families[:, n] = vector
-        _write_shapes(study, points, stored)
+        if known:
+            # For comparisons with other runs.
+            places = dof_places(study.brake, study.models.numbering.body)
+            u = study.models.coordinates.displacements(np.array([*known.values()]).T)
+            study.store.save(SHAPES, **family_shapes(places, u, np.array([*known])))
     if stability is not None and study.drivers is not None:
         tables["drivers"] = driver_table(stored, stability.threshold)
         tables["drivers_contact"] = contact_driver_table(stored, stability.threshold)
@@ -160,30 +146,20 @@ def _tables(
             tables |= load(extra.make_tables)(stored)
     for name, table in tables.items():
         table.write(path(f"{name}.csv"))
-    found = None
+    approaches = None
     if stability is not None and {"stability", "uncertainty"} <= {*scene.stages}:
-        from .probabilities import ensembles
-
-        found = ensembles(run, stability.band)
-    return stored.first, facts, found
+        approaches = ensembles(run, stability.band)
+    return stored.first, facts, approaches
 
 
 def _contact(stored: StoredSamples, contact: Contact) -> Iterator[ContactElement]:
     """Contact elements of the first good sample of each approach."""
     for task, d in stored.first.items():
-        own = contact_of(contact, d)
+        elements = contact_of(contact, d)
         names = ("g", "g_cr", "p", "k", "k_vibration")
-        values = np.column_stack([own.points, own.w, *(d[name] for name in names)])
+        values = np.column_stack([elements.points, elements.w, *(d[name] for name in names)])
         for i, (row, law) in enumerate(zip(values, d["law"], strict=True)):
             yield ContactElement.of(*task, i, *map(float, row), int(law))
-
-
-def _write_shapes(study: Study, points: NDArray[np.float64], stored: StoredSamples) -> None:
-    """Shapes of the families that squeal, for comparisons with other runs."""
-    if known := stored.squealing_members:
-        u = study.models.coordinates.displacements(np.array([*known.values()]).T)
-        body = study.models.numbering.body
-        study.store.save(SHAPES, **family_shapes(points, body, u, np.array([*known])))
 
 
 def save_stage(store: Store, name: str, tables: Mapping[str, RowTable]) -> None:
@@ -198,3 +174,95 @@ def save_stage(store: Store, name: str, tables: Mapping[str, RowTable]) -> None:
         table.write(store.path(f"{stem}.csv"))
     if tables:
         save_tables(store, f"{name}.npz", {stem: table.columns for stem, table in tables.items()})
+
+
+def sample_facts(stored: StoredSamples) -> dict[str, Any]:
+    """Figures over the samples of each approach.
+
+    Args:
+        stored: the samples.
+
+    Returns:
+        "samples", by approach, "failed_samples" and, where something beside the modes of a sample
+        failed, "lost_extras".
+    """
+    names = [str(name) for name in stored.rows["approach"]]
+    good = [status == "ok" for status in stored.rows["status"]]
+    facts: dict[str, Any] = {
+        "samples": {name: _approach(stored, name, names, good)
+                    for name in dict.fromkeys(name for name, _ in stored.tasks)},
+        "failed_samples": good.count(False),
+    }  # fmt: skip
+    each = zip(names, stored.rows["sample"], stored.of_each("lost"), strict=True)
+    if lost := [(f"{text} (sample {name} {k}") for name, k, text in each if text]:
+        others = f", and in {len(lost) - 1} more samples" if lost[1:] else ""
+        facts["lost_extras"] = [f"{lost[0]}{others})"]
+    return facts
+
+
+def _approach(
+    stored: StoredSamples, name: str, names: list[str], good: list[bool]
+) -> dict[str, Any]:
+    """Figures over the good samples of an approach."""
+    rows = [i for i, (of, ok) in enumerate(zip(names, good, strict=True)) if ok and of == name]
+
+    def values(key: str) -> list[Any]:
+        every = stored.of_each(key)
+        return [every[i] for i in rows if every[i] is not None]
+
+    about: dict[str, Any] = {"good": len(rows)}
+    if kinds := values("count_kind"):
+        mine = np.asarray(stored.modes["approach"] == name)
+        verdict = stored.modes["verdict"][mine]
+        about |= {
+            "modes": int(mine.sum()), "counted_by": _sentence(kinds[0], values("counted")[0]),
+            "not_complete": sum(kind != PROVEN for kind in kinds),
+            "tolerance_missed": sum(map(int, values("tolerance_missed"))),
+            "largest_error": float(np.fmax.reduce(eigenvalue_errors(stored.modes)[mine],
+                                                  initial=0.0)),
+            "unstable": int((verdict == "unstable").sum()),
+            "neutral": int((verdict == "neutral").sum()),
+            "seconds_per_stability": float(np.median(values("stability_seconds"))),
+        }  # fmt: skip
+    if rejected := values("rejected"):
+        about["rejected_draws"] = sum(map(int, rejected))
+    if beyond := max(map(float, values("beyond_laws")), default=0.0):
+        about["force_share_beyond_laws"] = beyond
+    if rows:
+        about["seconds_per_equilibrium"] = float(np.median(values("equilibrium_seconds")))
+        about["newton_iterations"] = float(np.median(values("equilibrium_iterations")))
+    return about
+
+
+def _sentence(kind: str, how: str) -> str:
+    """What the summary says of how the modes of a sample were counted."""
+    return how if kind == PROVEN else f"{'not proven' if kind == 'counted' else kind}: {how}"
+
+
+def verification(stored: StoredSamples, verify: Sequence[Task], verified: str) -> dict[str, Any]:
+    """Reduced samples against full order.
+
+    Args:
+        stored: the samples.
+        verify: those of the verification.
+        verified: approach that they verify.
+    """
+    errors, wrong, beyond, compared = [np.zeros(0)], 0, 0, 0
+    for task in verify:
+        full, mine = (stored.store.samples.load(t) or {} for t in (task, (verified, task[1])))
+        if "s" not in full or "s" not in mine or mine["s"].size != full["s"].size:
+            continue
+        compared += 1
+        error = np.abs(mine["s"] - full["s"])
+        beyond += int(np.sum(~(error <= mine["error"] + full["error"])))
+        errors.append(error / np.abs(full["s"]))
+        pairs = zip(mine["verdict"], full["verdict"], strict=True)
+        wrong += sum({str(a), str(b)} == {"stable", "unstable"} for a, b in pairs)
+    error = np.concatenate(errors)
+    return {
+        "samples_asked": len(verify), "samples_compared": compared,
+        "eigenvalues": int(error.size), "wrong_verdicts": wrong,
+        "errors_beyond_estimates": beyond,
+        "largest_relative_error": float(error.max()) if error.size else None,
+        "median_relative_error": float(np.median(error)) if error.size else None,
+    }  # fmt: skip

@@ -34,11 +34,10 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.samples.designs import RIGID
-from brake_fenicsx.scene.samples_section import Plan, Samples
+from brake_fenicsx.scene.samples_section import Samples
 
-from .ensemble_statistics import Correlation, rank_correlation, wilson
+from .ensemble_statistics import Correlation, Indices, indices, rank_correlation, wilson
 from .run import RunData
-from .sensitivity import Indices, indices
 from .tables import Row, RowTable
 
 if TYPE_CHECKING:
@@ -137,10 +136,10 @@ class Outcome:
 
     @classmethod
     def of(
-        cls, scope: str, where: str, frequency: float, loud: pd.DataFrame, samples: Array
+        cls, scope: str, where: str, frequency: float, modes: pd.DataFrame, samples: Array
     ) -> Outcome:
         """From the modes that squeal there, in samples of some numbers."""
-        each = loud.groupby("sample")
+        each = modes.groupby("sample")
         growth, damping = (
             column.reindex(samples, fill_value=0.0).to_numpy(float)
             for column in (each.real_1_s.max(), each.damping.min())
@@ -155,8 +154,8 @@ class Outcome:
     @property
     def median_damping(self) -> float | None:
         """Median of the damping where it squeals; None where it never does."""
-        own = self.damping[self.growth > 0]
-        return float(np.median(own)) if own.size else None
+        damping = self.damping[self.growth > 0]
+        return float(np.median(damping)) if damping.size else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,6 +180,10 @@ class Ensemble:
     threshold: float = 0.0
     causes: list[Causes] = field(default_factory=list)
 
+    def place(self, o: Outcome) -> list[Any]:
+        """First cells of a row of an outcome, see ``Place``."""
+        return [self.approach, self.threshold, o.scope, o.where, o.frequency]
+
 
 @dataclass(frozen=True, slots=True)
 class Causes:
@@ -189,13 +192,13 @@ class Causes:
     Attributes:
         growth: indices of its growth.
         squeal: indices of whether it squeals; None where that never changes.
-        dominant: number of the input with the strongest rank correlation with squeal, or None.
+        dominant: the input with the strongest rank correlation with squeal, or None.
         correlation: that correlation.
     """
 
     growth: Indices
     squeal: Indices | None
-    dominant: int | None
+    dominant: str | None
     correlation: Correlation
 
 
@@ -206,96 +209,88 @@ def ensembles(run: RunData, band: Sequence[float]) -> list[Ensemble]:
         run: its samples and modes.
         band: the scene's band [Hz].
     """
-    table, found = run.samples or {}, []
+    table, approaches = run.samples or {}, []
     for approach in dict.fromkeys(map(str, table["approach"])):
-        own = table["approach"] == approach
-        numbers, good = table["sample"][own], table["status"][own] == "ok"
+        rows = table["approach"] == approach
+        numbers, good = table["sample"][rows], table["status"][rows] == "ok"
         if len(numbers) < 2 or not good.any():
             continue
         # Random inputs have the dotted keys of the scene; another approach may have more of them.
-        inputs = {name: column[own] for name, column in table.items() if "." in name}
+        inputs = {name: column[rows] for name, column in table.items() if "." in name}
         names = sorted(name for name, x in inputs.items() if np.isfinite(x).any())
         x = np.array([inputs[name] for name in names], float).T.reshape(good.size, len(names))
         outcomes = tuple(_outcomes(run, approach, band, numbers))
-        found.append(Ensemble(approach, tuple(names), x, good, outcomes, run.threshold))
-    return found
+        approaches.append(Ensemble(approach, tuple(names), x, good, outcomes, run.threshold))
+    return approaches
 
 
 def _outcomes(
     run: RunData, approach: str, band: Sequence[float], samples: Array
 ) -> Iterator[Outcome]:
     """The whole band, its parts, and the most severe families."""
-    table, loud = run.squeal, run.squeal.squeal_modes(approach)
+    table, modes = run.squeal, run.squeal.squeal_modes(approach)
     place, edges = table.bands(approach), table.edges
     whole = f"{band[0]:.0f}-{band[1]:.0f}"
-    yield Outcome.of("band", whole, 0.5 * (band[0] + band[1]), loud, samples)
+    yield Outcome.of("band", whole, 0.5 * (band[0] + band[1]), modes, samples)
     for j, (low, high) in enumerate(pairwise(map(float, edges))):
         where = f"{low:.0f}-{high:.0f}"
-        yield Outcome.of("band", where, 0.5 * (low + high), loud[place == j], samples)
+        yield Outcome.of("band", where, 0.5 * (low + high), modes[place == j], samples)
     known = [f for f in table.families(approach) if f.key >= 0]
     for f in known[:MOST_FAMILIES]:
-        own = table.squeal_modes(approach, f.key)
-        yield Outcome.of("family", str(f.key), f.frequency, own, samples)
+        family_modes = table.squeal_modes(approach, f.key)
+        yield Outcome.of("family", str(f.key), f.frequency, family_modes, samples)
 
 
-def find_causes(samples: Samples, found: Sequence[Ensemble], comm: MPI.Comm) -> None:
+def find_causes(samples: Samples, approaches: Sequence[Ensemble], comm: MPI.Comm) -> None:
     """Fill in what moves each outcome, the outcomes shared by the processes; collective.
 
     Args:
         samples: the scene's [samples].
-        found: samples of each approach.
+        approaches: samples of each approach.
         comm: the processes.
     """
-    every = [(e, o) for e in found for o in e.outcomes]
-    for e in found:
+    every = [(e, o) for e in approaches for o in e.outcomes]
+    for e in approaches:
         e.causes.clear()
     causes = in_turns(len(every), lambda i: _causes(samples, *every[i]), comm)
-    for (e, _), one in zip(every, causes, strict=True):
-        e.causes.append(one)
+    for (e, _), cause in zip(every, causes, strict=True):
+        e.causes.append(cause)
 
 
 def _causes(samples: Samples, e: Ensemble, o: Outcome) -> Causes:
-    plan, hits = _plan(samples, e), o.squeal[e.good]
+    plan, hits = samples.plan(e.approach), o.squeal[e.good]
     squeal = None if np.ptp(hits) == 0 else indices(plan, e.x, o.squeal, e.good)
     best, strongest = None, Correlation(np.nan, np.nan, np.nan)
-    for i in range(len(e.names)):
-        c = rank_correlation(e.x[e.good, i], hits)
+    for name, values in zip(e.names, e.x[e.good].T, strict=True):
+        c = rank_correlation(values, hits)
         if np.isfinite(c.rho) and (best is None or abs(c.rho) > abs(strongest.rho)):
-            best, strongest = i, c
+            best, strongest = name, c
     return Causes(indices(plan, e.x, o.growth, e.good), squeal, best, strongest)
 
 
-def cause_tables(samples: Samples, found: Sequence[Ensemble]) -> dict[str, RowTable]:
+def cause_tables(samples: Samples, approaches: Sequence[Ensemble]) -> dict[str, RowTable]:
     """The three tables by name; sensitivity only where some approach has random inputs.
 
     Args:
         samples: the scene's [samples].
-        found: samples of each approach, with their causes.
+        approaches: samples of each approach, with their causes.
     """
     tables = {
-        "probabilities": RowTable.of(Probability, probability_rows(samples, found)),
-        "convergence": RowTable.of(Convergence, convergence_rows(samples, found)),
+        "probabilities": RowTable.of(Probability, probability_rows(samples, approaches)),
+        "convergence": RowTable.of(Convergence, convergence_rows(samples, approaches)),
     }
-    if any(e.names for e in found):
-        tables["sensitivity"] = RowTable.of(Sensitivity, sensitivity_rows(found))
+    if any(e.names for e in approaches):
+        tables["sensitivity"] = RowTable.of(Sensitivity, sensitivity_rows(approaches))
     return tables
 
 
-def _place(e: Ensemble, o: Outcome) -> list[Any]:
-    return [e.approach, e.threshold, o.scope, o.where, o.frequency]
-
-
-def _plan(samples: Samples, e: Ensemble) -> Plan:
-    return samples.plan(e.approach)
-
-
-def sensitivity_rows(found: Sequence[Ensemble]) -> Iterator[Sensitivity]:
+def sensitivity_rows(approaches: Sequence[Ensemble]) -> Iterator[Sensitivity]:
     """Rows of sensitivity.csv; outcomes that never change have none.
 
     Args:
-        found: samples of each approach, with their causes.
+        approaches: samples of each approach, with their causes.
     """
-    for e in found:
+    for e in approaches:
         for o, cause in zip(e.outcomes, e.causes, strict=True):
             for name, x in (("growth", cause.growth), ("squeal", cause.squeal)):
                 if x is None or np.ptp(o.growth[e.good]) == 0:
@@ -304,7 +299,7 @@ def sensitivity_rows(found: Sequence[Ensemble]) -> Iterator[Sensitivity]:
                     first = _interval(x.first[i], x.first_half[i])
                     total = _interval(x.total[i], x.total_half[i])
                     counts = [x.method, x.used, x.filled]
-                    yield Sensitivity.of(*_place(e, o), name, key, *first, *total, *counts)
+                    yield Sensitivity.of(*e.place(o), name, key, *first, *total, *counts)
 
 
 def _interval(value: float, half: float) -> list[float | None]:
@@ -313,33 +308,25 @@ def _interval(value: float, half: float) -> list[float | None]:
     return [float(v) if np.isfinite(v) else None for v in numbers]
 
 
-def probability_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[Probability]:
+def probability_rows(samples: Samples, approaches: Sequence[Ensemble]) -> Iterator[Probability]:
     """Rows of probabilities.csv.
 
     Args:
         samples: the scene's [samples].
-        found: samples of each approach, with their causes.
+        approaches: samples of each approach, with their causes.
     """
-    for e in found:
+    for e in approaches:
         for o, cause in zip(e.outcomes, e.causes, strict=True):
             hits = o.squeal[e.good]
             share = wilson(int(hits.sum()), hits.size)
-            above = (
-                "yes" if share.low > samples.limit else "no" if share.high < samples.limit
-                else "open"
-            )  # fmt: skip
-            yield Probability.of(
-                *_place(e, o), share.n, share.hits, *share.cells,
-                o.median_damping, share.value * abs(o.median_damping or 0.0), above,
-                *_dominant(cause, e), *_shares(cause.growth, e),
-            )  # fmt: skip
-
-
-def _dominant(cause: Causes, e: Ensemble) -> list[Any]:
-    if cause.dominant is None:
-        return [None] * 4
-    c = cause.correlation
-    return [e.names[cause.dominant], c.rho, c.low, c.high]
+            above = "yes" if share.low > samples.limit else "open"
+            above = "no" if share.high < samples.limit else above
+            severity = share.value * abs(o.median_damping or 0.0)
+            c = cause.correlation
+            rho = (None, None, None) if cause.dominant is None else (c.rho, c.low, c.high)
+            cells = (*share.cells, o.median_damping, severity, above, cause.dominant, *rho)
+            counts = share.n, share.hits
+            yield Probability.of(*e.place(o), *counts, *cells, *_shares(cause.growth, e))
 
 
 def _shares(x: Indices, e: Ensemble) -> list[float | None]:
@@ -347,42 +334,34 @@ def _shares(x: Indices, e: Ensemble) -> list[float | None]:
     first = x.first[: len(e.names)]
     if not e.names or not np.isfinite(first).all():
         return [None] * (len(SHARES) + 1)
-    own = [[n.startswith(start) for n in e.names] for start in SHARES]
-    shares = [float(first[np.array(chosen)].sum()) for chosen in own]
+    kinds = [[n.startswith(start) for n in e.names] for start in SHARES]
+    shares = [float(first[np.array(chosen)].sum()) for chosen in kinds]
     return [*shares, 1.0 - sum(shares)]
 
 
-def convergence_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[Convergence]:
+def convergence_rows(samples: Samples, approaches: Sequence[Ensemble]) -> Iterator[Convergence]:
     """Rows of convergence.csv: the first samples, twice as many, ...
 
     Rigid designs have no such beginnings: their samples mean something only all together.
     """
-    for e in found:
-        rigid = bool(e.names) and _plan(samples, e).design in RIGID
+    for e in approaches:
+        rigid = bool(e.names) and samples.plan(e.approach).design in RIGID
+        whole = e.good.size
+        counts = [10 * 2**k for k in range(32) if 10 * 2**k < whole and not rigid] + [whole]
         for o in e.outcomes:
-            for n in [e.good.size] if rigid else _beginnings(e.good.size):
+            for n in counts:
                 hits = o.squeal[:n][e.good[:n]]
                 share = wilson(int(hits.sum()), hits.size)
-                yield Convergence.of(*_place(e, o), share.n, *share.cells)
+                yield Convergence.of(*e.place(o), share.n, *share.cells)
 
 
-def _beginnings(n: int) -> list[int]:
-    """10, 20, 40, ... and all."""
-    found = []
-    m = 10
-    while m < n:
-        found.append(m)
-        m *= 2
-    return [*found, n]
-
-
-def probability_facts(samples: Samples, found: Sequence[Ensemble]) -> dict[str, Any]:
+def probability_facts(samples: Samples, approaches: Sequence[Ensemble]) -> dict[str, Any]:
     """Figures for the summary."""
     facts: dict[str, Any] = {
         "stable_modes": "count as growth 0 in every index",
         "limit": samples.limit,
     }
-    for e in found:
+    for e in approaches:
         rows = [o for o in e.outcomes if o.scope == "family"]
         above = [o.where for o in rows if o.squeal[e.good].mean() > samples.limit]
         whole = e.outcomes[0].squeal[e.good]

@@ -19,7 +19,7 @@ from brake_fenicsx.folder.store import PREPARED, Store
 
 from .driver_tables import contact_driver_table, driver_table
 from .sample_blocks import tabulation_of
-from .squeal import SquealTable
+from .squeal import Family, SquealTable
 from .stored import StoredSamples
 from .tables import Columns
 
@@ -31,6 +31,7 @@ APPROACHES = {
     "joint": "Joint",
 }  # fmt: skip
 SMOOTH = "Smooth contact"  # the approach "multi-scale" of a scene without roughness
+PART = 2**18  # modes whose errors are computed together
 # Files of tables that need more than the samples: the brake, lines of a sweep, resampling.
 CONTACT, SWEEP, CAUSES = "contact.npz", "sweep.npz", "causes.npz"
 # of every surface, scanned or given by numbers
@@ -85,8 +86,6 @@ class RunData:
     @cached_property
     def errors(self) -> NDArray[np.float64]:
         """Errors of the eigenvalues over |lambda|, shape (n_modes,); nan of rigid modes."""
-        from .accuracy import eigenvalue_errors
-
         return eigenvalue_errors(self.modes) if self.modes is not None else np.zeros(0)
 
     @cached_property
@@ -101,9 +100,30 @@ class RunData:
         return sort_approaches(names)
 
     @property
+    def families(self) -> dict[str, list[Family]]:
+        """Families that squeal of each approach, the most severe first."""
+        return {name: self.squeal.families(name) for name in self.approaches}
+
+    @cached_property
+    def lead(self) -> str:
+        """The approach that a verdict is about; empty without modes and samples.
+
+        That with the most of what varies, of those with good samples; several of them first.
+        """
+        counts = [self.squeal.count(name) for name in self.approaches]
+        several = [c.approach for c in counts if c.samples > 1]
+        good = [c.approach for c in counts if c.samples]
+        return (several or good or self.approaches or [""])[-1]
+
+    def in_effect(self, section: str) -> Mapping[str, Any]:
+        """Values of a section of the scene, defaults too; empty where there are none."""
+        values = self.summary.get("in_effect", {}).get(section)
+        return values if isinstance(values, Mapping) else {}
+
+    @property
     def threshold(self) -> float:
         """An unstable mode counts as squeal where its damping lies below minus this."""
-        return float(self.summary.get("in_effect", {}).get("stability", {}).get("threshold", 0.0))
+        return float(self.in_effect("stability").get("threshold", 0.0))
 
     @property
     def criterion(self) -> str:
@@ -120,11 +140,23 @@ class RunData:
 
     def label(self, approach: str) -> str:
         """Name of an approach as a person reads it: "multi-scale" names roughness that is there."""
-        contacts = self.summary.get("in_effect", {}).get("contact", {}).values()
+        contacts = self.in_effect("contact").values()
         rough = any(c.get("law") == "library" or c.get("gap", "none") != "none" for c in contacts)
         if approach == "multi-scale" and contacts and not rough:
             return SMOOTH
         return APPROACHES.get(approach, approach)
+
+
+def eigenvalue_errors(modes: Columns) -> NDArray[np.float64]:
+    """Error estimates of the eigenvalues of a table over |lambda|; nan of rigid modes."""
+    from brake_fenicsx.stability.modes import relative_errors
+
+    real, f, error = (modes[name] for name in ("real_1_s", "frequency_hz", "error_estimate"))
+    out = np.empty(len(f))
+    for i in range(0, len(f), PART):
+        part = slice(i, i + PART)
+        out[part] = relative_errors(real[part] + 2j * np.pi * f[part], error[part])
+    return out
 
 
 def sort_approaches(names: set[str]) -> list[str]:
@@ -197,7 +229,7 @@ def _stored(run: RunData) -> StoredSamples | None:
 def _of_samples(run: RunData, stored: StoredSamples) -> dict[str, Any]:
     """Parts of a run that its samples tell."""
     in_effect = run.summary.get("in_effect", {})
-    found: dict[str, Any] = {
+    parts: dict[str, Any] = {
         "stored": stored, "samples": stored.samples, "extras": {},
         "modes": stored.modes
         if stored.modes.any or "stability" in in_effect.get("stages", ()) else None,
@@ -205,14 +237,14 @@ def _of_samples(run: RunData, stored: StoredSamples) -> dict[str, Any]:
     for extra in extras():
         if extra.make_tables and not in_effect.keys().isdisjoint(extra.sections):
             tables = load(extra.make_tables)(stored)
-            found["extras"] |= {name: table.columns for name, table in tables.items()}
+            parts["extras"] |= {name: table.columns for name, table in tables.items()}
         if extra.stage and not in_effect.keys().isdisjoint(extra.sections):
-            found["extras"] |= read_tables(run.directory / f"{extra.name}.npz")
+            parts["extras"] |= read_tables(run.directory / f"{extra.name}.npz")
     drivers = driver_table(stored, run.threshold)
     if drivers.cells:
         maps = contact_driver_table(stored, run.threshold)
-        found |= {"drivers": drivers.columns, "driver_maps": maps.columns}
-    return found
+        parts |= {"drivers": drivers.columns, "driver_maps": maps.columns}
+    return parts
 
 
 def save_tables(store: Store, name: str, tables: Mapping[str, Columns]) -> None:
@@ -233,11 +265,11 @@ def read_tables(path: Path) -> dict[str, Columns]:
     Raises:
         SceneError: the file is damaged.
     """
-    found: dict[str, dict[str, NDArray]] = {}
+    tables: dict[str, dict[str, NDArray]] = {}
     for name, values in (_arrays(path, ()) or {}).items():
         table, _, column = name.partition("/")
-        found.setdefault(table, {})[column] = values
-    return dict(found)
+        tables.setdefault(table, {})[column] = values
+    return dict(tables)
 
 
 def _arrays(path: Path, required: Sequence[str]) -> Arrays | None:

@@ -34,11 +34,6 @@ LARGE = frozenset(
 )  # fmt: skip
 FOUNDING = 64  # samples of each approach whose families all blocks know
 FOUNDERS = f"{FOLDER}/families.npz"
-# What a block has beside the arrays of its samples.
-BESIDE = (
-    "approaches", "numbers", "founders", "vectors", "frequencies", "squealing",
-    "squealing_vectors",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -129,6 +124,13 @@ def founders_of(store: Store, tasks: Sequence[Task]) -> ModeFamilies:
     return made
 
 
+def keep_founders(store: Store, tasks: Sequence[Task]) -> None:
+    """Keep these families in the folder, for all blocks that are packed from now on."""
+    made = founders_of(store, tasks)
+    vectors, frequencies = np.array(made.vectors), np.array(made.frequencies)
+    store.save(FOUNDERS, vectors=vectors, frequencies=frequencies)
+
+
 def _added(members: ModeFamilies, data: Mapping[str, Any]) -> NDArray[np.int32]:
     """Family of each mode of one more sample."""
     frequencies = np.abs(data["s"].imag) / 2 / np.pi
@@ -150,7 +152,7 @@ class SampleBlock:
         self._shapes = dict(zip(map(str, columns["names"]), columns["shapes"], strict=True))
 
     def beside(self, name: str) -> NDArray:
-        """A copy of an array of the block itself, see ``BESIDE``."""
+        """A copy of an array of the block itself, beside those of its samples."""
         # All columns share the bytes of their file, which what is kept must not hold.
         return self._columns[name].copy()
 
@@ -161,18 +163,6 @@ class SampleBlock:
     def names(self) -> list[str]:
         """Names of the arrays of the samples."""
         return [*self._shapes]
-
-    def part(self, names: Sequence[str]) -> SampleBlock:
-        """The same samples with copies of some of their arrays."""
-        kept = {n: v.copy() for n, v in self._columns.items() if n.split(".")[0] in names}
-        shapes = {name: own.copy() for name, own in self._shapes.items() if name in names}
-        beside = {name: self.beside(name) for name in BESIDE[:2]}
-        own = {"names": np.array([*shapes], dtype=str), "shapes": np.array([*shapes.values()])}
-        return SampleBlock({**kept, **beside, **own})
-
-    def words(self, name: str) -> NDArray[np.str_]:
-        """Texts that the arrays of this name have; none if there is no such array."""
-        return self._columns.get(f"{name}.words", np.zeros(0, dtype=str))
 
     def sizes(self, name: str) -> NDArray[np.int64]:
         """Number of values of each sample, shape (samples,)."""

@@ -43,12 +43,12 @@ def kilohertz(hertz: Sequence[float]) -> list[str]:
     Returns:
         A text for each; those that differ by 0.01 Hz have different ones.
     """
-    found = []
+    chosen = []
     for f in hertz:
         near = [x for x in hertz if SAME <= abs(x - f) < 1.0]
         texts = ([f"{x / 1e3:.{digits}f}" for x in (f, *near)] for digits in (3, 4, 5))
-        found.append(next((own for own, *rest in texts if own not in rest), f"{f / 1e3:.5f}"))
-    return found
+        chosen.append(next((text for text, *rest in texts if text not in rest), f"{f / 1e3:.5f}"))
+    return chosen
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,8 +160,8 @@ class SquealTable:
 
     def good(self, approach: str) -> NDArray[np.int64]:
         """Numbers of the samples that ended well, ascending."""
-        own = self._samples[self._samples.approach == approach]
-        return np.unique(own["sample"][own.status == "ok"]).astype(np.int64)
+        rows = self._samples[self._samples.approach == approach]
+        return np.unique(rows["sample"][rows.status == "ok"]).astype(np.int64)
 
     def of_good(self, approach: str) -> NDArray[np.bool_]:
         """Which rows of modes.csv are modes of samples that ended well, shape (modes,)."""
@@ -178,8 +178,8 @@ class SquealTable:
         """All modes of the samples that ended well, with the columns of modes.csv."""
         import pandas as pd
 
-        own = self.of_good(approach)
-        return pd.DataFrame({n: self._modes[n][own] for n in self._modes})
+        rows = self.of_good(approach)
+        return pd.DataFrame({n: self._modes[n][rows] for n in self._modes})
 
     def squeal_modes(self, approach: str, family: int | None = None) -> pd.DataFrame:
         """Modes that squeal, with the column ``key`` of their family beside those of modes.csv.
@@ -193,25 +193,26 @@ class SquealTable:
             import pandas as pd
 
             rows = np.flatnonzero(self.of_good(approach) & squeals(self._modes, self.threshold))
-            loud = pd.DataFrame({n: self._modes[n][rows] for n in self._modes})
-            band = -1 - (loud.frequency_hz // WIDTH).astype(int)
-            return loud.assign(key=loud.family.where(loud.family >= 0, band).astype(int))
+            modes = pd.DataFrame({n: self._modes[n][rows] for n in self._modes})
+            band = -1 - (modes.frequency_hz // WIDTH).astype(int)
+            return modes.assign(key=modes.family.where(modes.family >= 0, band).astype(int))
 
-        loud = self._once(("squeal", approach), chosen)
-        return loud if family is None else loud[loud.key == family].reset_index(drop=True)
+        modes = self._once(("squeal", approach), chosen)
+        return modes if family is None else modes[modes.key == family].reset_index(drop=True)
 
     def count(self, approach: str) -> ApproachCount:
         """Count samples, modes, and modes that are unstable or squeal, of one approach."""
         return self._once(("count", approach), lambda: self._counted(approach))
 
     def _counted(self, approach: str) -> ApproachCount:
-        good, own, loud = self.good(approach), self.of_good(approach), self.squeal_modes(approach)
+        good, rows = self.good(approach), self.of_good(approach)
+        squealing = self.squeal_modes(approach)
         verdict = self._modes["verdict"]
-        per_sample = loud.groupby("sample").size().reindex(good, fill_value=0).to_numpy()
+        per_sample = squealing.groupby("sample").size().reindex(good, fill_value=0).to_numpy()
         return ApproachCount(
             approach, good.size, int((self._samples.approach == approach).sum()) - good.size,
-            int(own.sum()), int((own & (verdict == "unstable")).sum()),
-            int((own & (verdict == "neutral")).sum()), len(loud),
+            int(rows.sum()), int((rows & (verdict == "unstable")).sum()),
+            int((rows & (verdict == "neutral")).sum()), len(squealing),
             int(np.count_nonzero(per_sample)), per_sample,
         )  # fmt: skip
 
@@ -219,15 +220,15 @@ class SquealTable:
         """Families with at least one mode that squeals, the most severe first."""
 
         def ranked() -> list[Family]:
-            loud, n = self.squeal_modes(approach), self.good(approach).size
-            found = []
-            texts = kilohertz(loud.groupby("key").frequency_hz.mean().tolist())
-            for text, (key, own) in zip(texts, loud.groupby("key"), strict=True):
-                f, lowest = own.frequency_hz, own.groupby("sample").damping.min()
+            modes, n = self.squeal_modes(approach), self.good(approach).size
+            ranked_families = []
+            texts = kilohertz(modes.groupby("key").frequency_hz.mean().tolist())
+            for text, (key, family) in zip(texts, modes.groupby("key"), strict=True):
+                f, lowest = family.frequency_hz, family.groupby("sample").damping.min()
                 numbers = float(f.mean()), float(f.std(ddof=0)), wilson(lowest.size, n)
                 ends = float(lowest.median()), float(lowest.min())
-                found.append(Family(approach, int(key), *numbers, *ends, text))
-            return sorted(found, key=lambda r: (-r.severity, r.frequency))
+                ranked_families.append(Family(approach, int(key), *numbers, *ends, text))
+            return sorted(ranked_families, key=lambda r: (-r.severity, r.frequency))
 
         return self._once(("families", approach), ranked)
 
@@ -238,8 +239,8 @@ class SquealTable:
         """
         chosen = list[ModeKey]()
         for family in self.families(approach)[:most]:
-            own = self.squeal_modes(approach, family.key).sort_values("damping", kind="stable")
-            row = own.iloc[len(own) // 2]
+            modes = self.squeal_modes(approach, family.key).sort_values("damping", kind="stable")
+            row = modes.iloc[len(modes) // 2]
             numbers = int(row["sample"]), int(row["mode"])
             values = float(row["frequency_hz"]), float(row["damping"])
             name = f"{values[0]:05.0f}Hz"

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 
-from .columns import ma
 from .families import ModeFamilies
 from .sample_blocks import SampleBlock, StoredBlocks, Tabulation
-from .tables import MODES, TEXTS, Columns, Value, as_array
+from .tables import MODES, TEXTS, Columns, Value, as_array, ma
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,11 +26,10 @@ Array = NDArray[np.float64]
 Data = dict[str, Any]
 
 PROVEN = "proven"  # kind of a count, see ``brake_fenicsx.stability.modes.Count``
-# What is kept of every sample: numbers of samples.csv and of the summary.
-KEPT = (
+# Numbers and texts of every sample, for samples.csv and the summary.
+SCALARS = (
     "status", "seed", "mean_mu", "rejected", "tolerance_missed", "count_kind", "counted", "lost",
     "beyond_laws", "stability_seconds", "equilibrium_seconds", "equilibrium_iterations",
-    "random_names", "random", "forces",
 )  # fmt: skip
 
 
@@ -61,7 +59,10 @@ class StoredSamples:
         self._squealing: dict[int, NDArray[np.complex64]] = {}
         self._beyond = ModeFamilies()
         self._blocks = StoredBlocks(store, tasks, tabulate)
-        self._rows: list[SampleBlock] = []
+        self._there: list[Task] = []
+        self._scalars: dict[str, list[Any]] = {name: [] for name in SCALARS}
+        self._random: list[dict[str, float]] = []
+        self._forces: dict[str, list[Array]] = {}
         families: list[NDArray[np.int32]] = []
         layers: list[str] = []
         for block in self._blocks:
@@ -69,7 +70,17 @@ class StoredSamples:
                 if status == "ok" and all(task[0] != name for name, _ in self.first):
                     self.first[task] = store.samples.load(task) or {}
             families.append(self._families(block, len(tabulate.founders.vectors)))
-            self._rows.append(block.part(KEPT))
+            self._there += block.tasks
+            for name, values in self._scalars.items():
+                values += block.scalars(name, None)
+            drawn = zip(block.each("random_names"), block.each("random"), strict=True)
+            self._random += [
+                {} if n is None or x is None else dict(zip(n.tolist(), x.tolist(), strict=True))
+                for n, x in drawn
+            ]
+            for (approach, _), forces in zip(block.tasks, block.each("forces"), strict=True):
+                if forces is not None:
+                    self._forces.setdefault(approach, []).append(forces.copy())
             if not layers:
                 named = (names for names in block.each("layers") if names is not None)
                 layers = [str(name) for name in next(named, ())]
@@ -95,17 +106,12 @@ class StoredSamples:
         return np.append(numbers, -1).astype(np.int32)
 
     def of_each(self, name: str) -> list[Any]:
-        """A number or text of each sample that is there, see ``KEPT``; None of those without."""
-        return [value for block in self._rows for value in block.scalars(name, None)]
+        """A number or text of each sample that is there, see ``SCALARS``; None of those without."""
+        return self._scalars[name]
 
     def forces(self) -> dict[str, Array]:
         """Forces on the pads of each approach, shape (good samples, pads, numbers)."""
-        found: dict[str, list[Array]] = {}
-        for block in self._rows:
-            for (approach, _), forces in zip(block.tasks, block.each("forces"), strict=True):
-                if forces is not None:
-                    found.setdefault(approach, []).append(forces)
-        return {name: np.array(values) for name, values in found.items()}
+        return {name: np.array(values) for name, values in self._forces.items()}
 
     @cached_property
     def rows(self) -> dict[str, list[Value]]:
@@ -116,26 +122,17 @@ class StoredSamples:
         estimated error exceeds stability.tolerance, and complete, whether it is proven that no mode
         is missing.
         """
-        tasks = [task for block in self._rows for task in block.tasks]
         columns: dict[str, list[Value]] = {
-            "approach": [name for name, _ in tasks], "sample": [k for _, k in tasks],
+            "approach": [name for name, _ in self._there], "sample": [k for _, k in self._there],
             "status": self.of_each("status"), "seed": self.of_each("seed"),
             "mu": self.of_each("mean_mu"),
         }  # fmt: skip
-        names = sorted({str(n) for block in self._rows for n in block.words("random_names")})
-        values: dict[str, list[Value]] = {name: [None] * len(tasks) for name in names}
-        place = 0
-        for block in self._rows:
-            for known, drawn in zip(block.each("random_names"), block.each("random"), strict=True):
-                there = known is not None and drawn is not None
-                for name, value in zip(known, drawn, strict=True) if there else ():  # type: ignore[arg-type]
-                    values[str(name)][place] = float(value)
-                place += 1
-        columns |= values
+        names = sorted({name for drawn in self._random for name in drawn})
+        columns |= {name: [drawn.get(name) for drawn in self._random] for name in names}
         if any(name.startswith("materials.") for name in names):
             columns["rejected"] = self.of_each("rejected")
-        if any("count_kind" in block for block in self._rows):
-            kinds = self.of_each("count_kind")
+        kinds = self.of_each("count_kind")
+        if any(kind is not None for kind in kinds):
             columns["tolerance_missed"] = self.of_each("tolerance_missed")
             columns["complete"] = [k and ("yes" if k == PROVEN else "no") for k in kinds]
         return columns

@@ -3,23 +3,30 @@
 A table is made of rows of one dataclass, whose fields are its columns; it writes its CSV file and
 gives its columns as arrays and its cells for the page and the terminal. A float is written as
 ``repr`` writes it, so that reading gives the same number back; an integer has no point and no
-exponent; ``None`` is an empty cell. Lines end with a line feed on every system.
+exponent; ``None`` is an empty cell. Lines end with a line feed on every system. Tables of many rows
+are written block by block, beyond 10^5 rows as Parquet where pyarrow is there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import csv
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, fields
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .columns import csv_rows
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.files import whole_file
 
 Value = str | int | float | None
 Columns = Mapping[str, Any]
+Write = Callable[[Mapping[str, NDArray]], None]
 
 MODES = (
     "approach", "sample", "mode", "frequency_hz", "real_1_s", "damping", "residual",
@@ -27,8 +34,10 @@ MODES = (
 )  # fmt: skip
 SAMPLES = ("approach", "sample", "status", "seed")
 TEXTS = ("approach", "status", "complete", "verdict")  # columns of texts of these two
+MANY = 10**5  # rows of the largest table that is always CSV
+GROUP = 2**16  # rows that are written together
 
-_PLAIN = {str, int, float, type(None)}
+ma: Any = np.ma  # NumPy gives masked arrays no types
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +94,7 @@ class RowTable:
         """Arrays by name, shape (rows,); an empty cell is nan, or "" among texts."""
         values = zip(*self.cells, strict=True) if self.cells else [()] * len(self.names)
         pairs = zip(self.names, values, strict=True)
-        return {name: as_array(own, name in self._texts) for name, own in pairs}
+        return {name: as_array(column, name in self._texts) for name, column in pairs}
 
     def write(self, path: str | Path) -> Path:
         """Write the CSV file; returns its path."""
@@ -104,25 +113,6 @@ def as_array(values: Sequence[Value], text: bool = False) -> NDArray:
     whole = bool(values) and all(isinstance(v, int) for v in values)
     kind = np.uint64 if whole and max(values) >= 2**63 else None  # type: ignore[type-var, operator]
     return np.array([np.nan if v is None else v for v in values], kind)
-
-
-def write_rows(
-    path: str | Path, columns: Sequence[str], rows: Iterable[Sequence[Value] | Mapping[str, Value]]
-) -> Path:
-    """Write a table at once: the file appears complete or not at all.
-
-    Args:
-        path: the CSV file; replaced if it exists.
-        columns: names of the columns, in order.
-        rows: one sequence per row in the order of the columns, or one mapping with just these keys.
-
-    Returns:
-        The path written.
-    """
-    path = Path(path)
-    with csv_rows(path, columns) as write:
-        write(_cells(path, columns, row, number) for number, row in enumerate(rows, start=1))
-    return path
 
 
 def rows_of(table: Columns, which: Any) -> Columns:
@@ -146,20 +136,22 @@ def text_table(columns: Sequence[str], rows: Iterable[Sequence[Value]]) -> str:
     Returns:
         Lines joined by line feeds, without one at the end.
     """
-    body = [list(row) for row in rows]
-    shown = [
-        [f"{cell:.1f}" if name.endswith("_hz") and isinstance(cell, float) else show(cell)
-         for cell, name in zip(row, columns, strict=True)]
-        for row in body
-    ]  # fmt: skip
-    widths = [max([len(c), *(len(r[j]) for r in shown)]) for j, c in enumerate(columns)]
-    numeric = [all(isinstance(r[j], int | float | None) for r in body) for j in range(len(columns))]
-
-    def line(cells: Sequence[str]) -> str:
-        pairs = zip(cells, widths, numeric, strict=True)
-        return "  ".join(c.rjust(w) if right else c.ljust(w) for c, w, right in pairs).rstrip()
-
-    return "\n".join([line(columns), line(["-" * w for w in widths]), *map(line, shown)])
+    lines, numeric = [[*columns], [""] * len(columns)], [True] * len(columns)
+    for row in rows:
+        lines.append([""] * len(columns))
+        for j, (name, value) in enumerate(zip(columns, row, strict=True)):
+            hertz = name.endswith("_hz") and isinstance(value, float)
+            lines[-1][j] = f"{value:.1f}" if hertz else show(value)
+            numeric[j] &= isinstance(value, int | float | None)
+    widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
+    lines[1] = ["-" * width for width in widths]
+    return "\n".join(
+        "  ".join(
+            cell.rjust(w) if right else cell.ljust(w)
+            for cell, w, right in zip(line, widths, numeric, strict=True)
+        ).rstrip()
+        for line in lines
+    )
 
 
 def show(value: object, digits: int = 4) -> str:
@@ -173,29 +165,157 @@ def show(value: object, digits: int = 4) -> str:
     return str(value)
 
 
+@contextmanager
+def _csv(path: Path, heading: Sequence[str]) -> Iterator[Callable[[Iterable[Any]], None]]:
+    """What writes rows of a CSV file, which appears whole at the end.
+
+    A float is printed as ``repr`` does, None as an empty cell.
+    """
+    with (
+        whole_file(path, durable=True) as part,
+        part.open("w", newline="", encoding="utf-8") as file,
+    ):
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(heading)
+        yield writer.writerows
+
+
+def write_rows(
+    path: str | Path, columns: Sequence[str], rows: Iterable[Sequence[Value] | Mapping[str, Value]]
+) -> Path:
+    """Write a table at once: the file appears complete or not at all.
+
+    Args:
+        path: the CSV file; replaced if it exists.
+        columns: names of the columns, in order.
+        rows: one sequence per row in the order of the columns, or one mapping with just these keys.
+
+    Returns:
+        The path written.
+    """
+    path = Path(path)
+    with _csv(path, columns) as write:
+        write(_cells(f"{path}: row {number}", columns, row) for number, row in enumerate(rows, 1))
+    return path
+
+
 def _cells(
-    path: Path, columns: Sequence[str], row: Sequence[Value] | Mapping[str, Value], number: int
-) -> Sequence[Value]:
+    where: str, columns: Sequence[str], row: Sequence[Value] | Mapping[str, Value]
+) -> list[Value]:
+    """Values of a row, in the order of the columns, as the writer takes them."""
     if isinstance(row, Mapping):
-        if set(row) != set(columns):
-            odd = sorted(set(row) ^ set(columns))
-            raise ValueError(f"{path}: row {number}: column {', '.join(odd)} is missing or unknown")
+        if odd := {*row} ^ {*columns}:
+            raise ValueError(f"{where}: column {', '.join(sorted(odd))} is missing or unknown")
         row = [row[name] for name in columns]
     if len(row) != len(columns):
-        raise ValueError(f"{path}: row {number}: {len(row)} values for {len(columns)} columns")
-    # The writer itself prints these as `_format` does.
-    return row if _PLAIN.issuperset(map(type, row)) else [_format(value) for value in row]
+        raise ValueError(f"{where}: {len(row)} values for {len(columns)} columns")
+    cells = [v.item() if isinstance(v, np.generic) else v for v in row]
+    if odd := {type(v).__name__ for v in cells} - {"str", "int", "float", "NoneType"}:
+        raise TypeError(f"{where}: a table contains text, int, float or None, not {odd.pop()}")
+    return cells
 
 
-def _format(value: Value | np.generic) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, str):
-        return str(value)
-    if isinstance(value, bool | np.bool_):
-        raise TypeError("a truth value has no place in a table: write 0 or 1")
-    if isinstance(value, int | np.integer):
-        return str(int(value))
-    if isinstance(value, float | np.floating):
-        return repr(float(value))
-    raise TypeError(f"a table contains text, int, float or None, not {type(value).__name__}")
+@contextmanager
+def column_writer(path: Path, columns: Sequence[str] = ()) -> Iterator[Write]:
+    """A table whose rows are given in parts; it appears whole at the end, or not at all.
+
+    Args:
+        path: the CSV file; beside it ``.parquet`` takes its place beyond MANY rows.
+        columns: heading of a table without rows.
+
+    Returns:
+        What takes columns by name, arrays of equal length, shape (rows,); masked values are empty
+        cells. All parts have the same names.
+    """
+    held: list[Mapping[str, NDArray]] = []
+    write: Write | None = None
+    with ExitStack() as files:
+
+        def flush() -> None:
+            nonlocal write
+            if write is None:
+                pyarrow = _pyarrow() if _rows(held) > MANY else None
+                heading = [*held[0]] if held else [*columns]
+                write = files.enter_context(
+                    _csv_columns(path, heading) if pyarrow is None else _parquet(path, pyarrow)
+                )
+            if held:
+                write({
+                    name: (ma if isinstance(v, ma.MaskedArray) else np).concatenate(
+                        [part[name] for part in held])
+                    for name, v in held[0].items()
+                })  # fmt: skip
+                held.clear()
+
+        def take(part: Mapping[str, NDArray]) -> None:
+            held.append(part)
+            if _rows(held) > (MANY if write is None else GROUP):
+                flush()
+
+        yield take
+        flush()
+
+
+def write_csv(path: Path) -> Path | None:
+    """Write the CSV file of a table that stands in a Parquet file; None where there is none.
+
+    Raises:
+        SceneError: pyarrow is not installed, or the file is damaged.
+    """
+    if not (source := path.with_suffix(".parquet")).is_file():
+        return None
+    if (pyarrow := _pyarrow()) is None:
+        raise SceneError(f"{source}: needs pyarrow: pip install pyarrow")
+    try:
+        file = pyarrow.parquet.ParquetFile(source)
+        with _csv_columns(path, file.schema_arrow.names) as write:
+            for part in file.iter_batches(GROUP):
+                write({name: part.column(name) for name in part.schema.names})
+    except pyarrow.lib.ArrowException as error:
+        raise SceneError(f"{source}: cannot be read ({error}); run the scene again") from None
+    return path
+
+
+def _pyarrow() -> ModuleType | None:
+    try:
+        import_module("pyarrow.parquet")
+    except ImportError:
+        return None
+    return import_module("pyarrow")
+
+
+def _rows(parts: Sequence[Mapping[str, NDArray]]) -> int:
+    return sum(len(next(iter(part.values()))) for part in parts)
+
+
+@contextmanager
+def _csv_columns(path: Path, heading: Sequence[str]) -> Iterator[Write]:
+    with _csv(path, heading) as write:
+        yield lambda table: write(zip(*(column.tolist() for column in table.values()), strict=True))
+
+
+@contextmanager
+def _parquet(path: Path, pyarrow: ModuleType) -> Iterator[Write]:
+    def table(columns: Mapping[str, NDArray]) -> Any:
+        arrays = {}
+        for name, values in columns.items():
+            mask = ma.getmaskarray(values) if isinstance(values, ma.MaskedArray) else None
+            array = pyarrow.array(ma.getdata(values), mask=mask)
+            arrays[name] = array.dictionary_encode() if values.dtype.kind == "U" else array
+        return pyarrow.table(arrays)
+
+    target: Any = None
+    with whole_file(path.with_suffix(".parquet")) as part, ExitStack() as files:
+
+        def write(columns: Mapping[str, NDArray]) -> None:
+            nonlocal target
+            rows = table(columns)
+            if target is None:
+                texts = [name for name, v in columns.items() if v.dtype.kind == "U"]
+                target = files.enter_context(
+                    pyarrow.parquet.ParquetWriter(part, rows.schema, use_dictionary=texts)
+                )
+            target.write_table(rows)
+
+        yield write
+        files.close()

@@ -180,7 +180,7 @@ def law_warnings(scene: Scene, samples: Mapping[str, Mapping[str, Any]]) -> list
 
     Args:
         scene: the scene.
-        samples: figures of each approach, see ``results.counts``.
+        samples: figures of each approach, see ``results.output``.
     """
     shares = {name: s.get("force_share_beyond_laws", 0.0) for name, s in samples.items()}
     worst = max(shares, key=lambda approach: shares[approach], default="")

@@ -79,6 +79,12 @@ def body_centres(points: NDArray, body: NDArray[np.intp]) -> NDArray:
     return np.column_stack([np.bincount(body, x)[body] / count[body] for x in points[:, :3].T])
 
 
+def dof_places(brake: Brake, body: NDArray[np.intp]) -> NDArray:
+    """``dof_points`` and ``body_centres`` of every free dof, shape (dofs, 7)."""
+    points = dof_points(brake)
+    return np.column_stack([points, body_centres(points, body)])
+
+
 def _bodies(brake: Brake) -> NDArray[np.intp]:
     """Body of each free dof; ties and springs join bodies in the stiffness."""
     free = brake.elastic.free

@@ -33,7 +33,7 @@ from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies, si_unit
 from brake_fenicsx.scene.units import quantity_text
 
-from .numbering import Numbering, body_centres, dof_points
+from .numbering import Numbering, dof_places
 from .sampling import friction_of_contact
 
 if TYPE_CHECKING:
@@ -222,11 +222,10 @@ class ReducedModels:
             return ReducedModel(known, brake.w, band, parameters)
         terms = brake.terms if damped else Terms()
         followed = "N" + "T" * terms.falls + "R" * terms.turns
-        points = dof_points(brake)
         bodies = split_substructures(
             brake.K, brake.M, {"N": brake.N, "T": brake.T, "R": brake.R}, brake.unit_loads,
             brake.changes.matrices if changing else [], terms.bulk,
-            np.column_stack([points, body_centres(points, self._body)]),
+            dof_places(brake, self._body),
         )  # fmt: skip
         if damped:
             bodies = with_modal_damping(self._scene, bodies, brake.masses)

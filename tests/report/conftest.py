@@ -9,10 +9,13 @@ import pytest
 from PIL import Image
 
 from brake_fenicsx.folder.store import Store
+from brake_fenicsx.micro import LawRecipe, LawSettings
+from brake_fenicsx.report.figure_inputs import surface_arrays, surface_numbers
 from brake_fenicsx.report.figures import make_figures
 from brake_fenicsx.report.mode_cards import SHAPES
 from brake_fenicsx.results.run import save_tables
 from brake_fenicsx.results.tables import MODES, SAMPLES, RowTable, write_rows
+from brake_fenicsx.surface import characterise, given_statistics, make_topography, synthesise
 from run_tables import (
     CHART,
     CONTACT,
@@ -71,8 +74,8 @@ def sensitivity_rows() -> list[list]:
     return rows
 
 
-def contact_rows(rng: np.random.Generator, rings: int = 15, columns: int = 37) -> list[list]:
-    """Two pads of 60 degrees, r 96-140 mm, patches of about 2.8 mm."""
+def contact_rows(rng: np.random.Generator, rings: int = 8, columns: int = 19) -> list[list]:
+    """Two pads of 60 degrees, r 96-140 mm, in patches of one size."""
     rows = []
     for approach in SAMPLED:
         element = 0
@@ -84,10 +87,8 @@ def contact_rows(rng: np.random.Generator, rings: int = 15, columns: int = 37) -
                     p = smooth if approach == "classical" else smooth * rough
                     x, y = r * np.sin(t), r * np.cos(t)
                     g, law = -p / 2e13, -1 if approach == "classical" else element % 30
-                    k = 3e5 * p
-                    rows.append(
-                        [approach, 0, element, x, y, z, 2.825e-3**2, g, 0.0, p, k, 3 * k, law]
-                    )
+                    numbers = [x, y, z, 2.825e-3**2, g, 0.0, p, 3e5 * p, 9e5 * p]
+                    rows.append([approach, 0, element, *numbers, law])
                     element += 1
     return rows
 
@@ -127,130 +128,49 @@ def make_laws(rng: np.random.Generator) -> dict[str, np.ndarray]:
     return {"d": d, "p": p, "k": p / u0, "seed": np.arange(30), "E_star": np.array(E_STAR)}
 
 
-def rough(rng, shape, size, s_q, slope=-3.2):
-    q = np.hypot(
-        *np.meshgrid(
-            *(np.fft.fftfreq(n, l / n) for n, l in zip(shape, size, strict=True)), indexing="ij"
-        )
-    )
-    q[0, 0] = np.inf
-    filtered = np.fft.fft2(rng.normal(size=shape)) * np.maximum(q, 1.5 / size[0]) ** (slope / 2)
-    z = np.fft.ifft2(filtered).real
-    return s_q * (z - z.mean()) / z.std()
-
-
-def radial(z, size):
-    n = z.shape[0]
-    power = (
-        np.abs(np.fft.fft2(np.nan_to_num(z))) ** 2 * size[0] * size[1] / z.size**2 / (4 * np.pi**2)
-    )
-    kx, ky = (2 * np.pi * np.fft.fftfreq(m, l / m) for m, l in zip(z.shape, size, strict=True))
-    k = np.hypot(kx[:, None], ky)
-    edges = np.geomspace(2 * np.pi / size[0], k.max() / 1.5, n // 6)
-    found = np.digitize(k, edges)
-    c = np.array(
-        [power[found == j].mean() if np.any(found == j) else 0.0 for j in range(1, len(edges))]
-    )
-    return np.sqrt(edges[1:] * edges[:-1]), c
-
-
-def density(z):
-    values, edges = np.histogram(z[np.isfinite(z)], bins=60, density=True)
-    return (edges[1:] + edges[:-1]) / 2, np.convolve(values, [0.25, 0.5, 0.25], "same")
-
-
-def make_surface(rng: np.random.Generator, n: int = 256) -> dict[str, np.ndarray]:
-    size, made_size = np.array([1.8e-3, 1.4e-3]), np.array([2.825e-3, 2.825e-3])
-    z = rough(rng, (n, n), size, 33.1e-6)
-    q, c = radial(z, size)
+def make_surface(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """A scan with missing points and an artificial surface; parameters of the fit are given."""
+    given = given_statistics(33.1e-6, -0.241, 3.6549, -2.0, -4.5, 3e4)
+    scan = synthesise(given.spectrum, given.hdf, (64, 64), (1.8e-3, 1.4e-3), rng)
+    z = scan.heights.copy()
     z[rng.random(z.shape) < 2e-3] = np.nan
-    z[40:52, 60:70] = np.nan
-    made = rough(rng, (128, 128), made_size, 33.1e-6)
-    made_q, made_c = radial(made, made_size)
-    usable = c > 0
-    slope = np.polyfit(np.log(q[usable]), np.log(c[usable]), 1)
-    stats = {
-        "mean": 0.0,
-        "median": float(np.nanmedian(z)),
-        "S_q": float(np.nanstd(z)),
-        "S_sk": -0.241,
-        "S_ku": 3.6549,
-        "c1": -2.01,
-        "c1_error": 0.04,
-        "c2": -4.47,
-        "c2_error": 0.03,
-        "q_c": 3.0e4,
-        "ln_q_c_error": 0.03,
-        "C0": 1.2e-18,
-        "ln_C0_error": 0.1,
-        "fit_rms": 0.2,
-    }
-    (hdf_z, hdf), (made_z, made_hdf) = density(z), density(made)
-    return {
-        "heights": z,
-        "size": size,
-        "q": q,
-        "C": c,
-        "q_band": np.array([7e3, 3e5]),
-        "fit_q": q[usable],
-        "fit_C": np.exp(np.polyval(slope, np.log(q[usable]))),
-        "hdf_z": hdf_z,
-        "hdf_density": hdf,
-        "artificial": made,
-        "artificial_size": made_size,
-        "artificial_q": made_q,
-        "artificial_C": made_c,
-        "artificial_hdf_z": made_z,
-        "artificial_hdf_density": made_hdf,
-        "stats": np.array(json.dumps(stats)),
-    }
+    z[40:52, 60:] = np.nan
+    stats = characterise(make_topography(z, scan.size), outlier_rule="none", spectrum="fit")
+    recipe = LawRecipe(stats.spectrum, stats.hdf, LawSettings(E_STAR), (64, 64))
+    known = surface_numbers(stats) | {
+        "S_sk": -0.241, "c1": -2.01, "c1_error": 0.04, "c2": -4.47, "c2_error": 0.03, "q_c": 3e4,
+        "ln_q_c_error": 0.03, "C0": 1.2e-18, "ln_C0_error": 0.1, "fit_rms": 0.2,
+    }  # fmt: skip
+    return surface_arrays(stats, recipe) | {"stats": np.array(json.dumps(known))}
 
 
-def make_maps(rng: np.random.Generator, n: int = 512) -> dict[str, np.ndarray]:
-    size = np.array([2.825e-3, 2.825e-3])
-    z = rough(rng, (n, n), size, 33.1e-6)
-    fractions = np.array([2e-4, 1e-3, 4e-3, 0.02, 0.08, 0.3])
+def make_maps(surface: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    z, fractions = surface["artificial"], np.array([2e-4, 1e-3, 4e-3, 0.02, 0.08, 0.3])
     levels = np.quantile(z, 1 - fractions)
     pressures = np.array([np.maximum(z - level, 0.0) * 2e13 for level in levels])
+    loads = pressures.mean(axis=(1, 2)) / E_STAR
     return {
-        "heights": z,
-        "size": size,
-        "p_over_E": pressures.mean(axis=(1, 2)) / E_STAR,
-        "pressures": pressures,
-        "area_fraction": fractions,
-        "separation": levels,
-    }
+        "heights": z, "size": surface["artificial_size"], "p_over_E": loads,
+        "pressures": pressures, "area_fraction": fractions, "separation": levels,
+    }  # fmt: skip
 
 
+STABILITY = {"band": [0.0, 16000.0]}
 SUMMARY = {
-    "in_effect": {"stability": {"band": [0.0, 16000.0], "tolerance": 1e-06}},
+    "in_effect": {"stability": {**STABILITY, "tolerance": 1e-06}},
     "settings": {
-        "stability": {"band": [0.0, 16000.0], "method": "reduced"},
-        "samples": {"n": 60, "seed": 1},
+        "stability": {**STABILITY, "method": "reduced"}, "samples": {"n": 60, "seed": 1},
     },
     "versions": {
-        "brake_fenicsx": "0.1.0",
-        "dolfinx": "0.5.2",
-        "note": "<script>alert(1)</script> & more",
+        "brake_fenicsx": "0.1.0", "dolfinx": "0.5.2", "note": "<script>alert(1)</script> & more",
     },
     "seeds": {"surface": 1, "laws": 2, "samples": 3},
-    "seconds": {
-        "surface": 1.2,
-        "micro": 40.5,
-        "equilibrium": 21.0,
-        "stability": 7.75,
-        "uncertainty": 61.0,
-    },
-    "peak_memory_mb": {
-        "surface": 210.0,
-        "micro": 330.0,
-        "equilibrium": 2900.0,
-        "stability": 3100.0,
-    },
+    "seconds": {"surface": 1.2, "micro": 40.5, "equilibrium": 21.0, "uncertainty": 61.0},
+    "peak_memory_mb": {"surface": 210.0, "micro": 330.0, "equilibrium": 2900.0},
     "counts": {"cells": 12345, "dofs": 67890, "contact_elements": 1110},
     "sweep": {"parameters": {"contact.pad_disc.friction": "", "loads.pad.piston.pressure": "Pa"}},
     "reduction": {"max_error": 1.3e-4, "median_error": 2.4e-6, "wrong_verdicts": 0},
-}
+}  # fmt: skip
 
 
 def write_sweep(directory: Path) -> None:
@@ -289,35 +209,31 @@ def write_sweep(directory: Path) -> None:
     write_rows(directory / "chart.csv", CHART, chart)
 
 
-def make_run(directory: Path, seed: int = 7, small: bool = False) -> Path:
-    rng = np.random.default_rng(seed)
-    directory.mkdir(parents=True, exist_ok=True)
-    write_rows(directory / "modes.csv", MODES, mode_rows(rng))
+def make_run(directory: Path, seed: int = 7) -> Path:
+    rng, surface = np.random.default_rng(seed), make_surface(np.random.default_rng(seed + 1))
+    modes = mode_rows(rng)
+    tasks = [(a, k) for a, n in SAMPLED.items() for k in range(n)]
     samples = [
-        [
-            a,
-            k,
-            "error: no equilibrium" if (a, k) == ("parametric", 39) else "ok",
-            100 + k,
-            rng.normal(0.5, 0.05),
-        ]
-        for a, n in SAMPLED.items()
-        for k in range(n)
+        [a, k, "error: no equilibrium" if (a, k) == ("parametric", 39) else "ok", 100 + k, mu]
+        for (a, k), mu in zip(tasks, rng.normal(0.5, 0.05, len(tasks)), strict=True)
     ]
-    write_rows(directory / "samples.csv", [*SAMPLES, "contact.pad_disc.friction"], samples)
-    write_rows(directory / "sensitivity.csv", SENSITIVITY, sensitivity_rows())
-    contact = contact_rows(rng, *((8, 19) if small else (15, 37)))
-    write_rows(directory / "contact.csv", CONTACT, contact)
-    write_rows(directory / "drivers.csv", DRIVERS, driver_rows())
-    write_rows(directory / "drivers_contact.csv", CONTACT_DRIVERS, driver_map_rows(contact))
+    contact = contact_rows(rng)
+    for name, columns, rows in (
+        ("modes", MODES, modes),
+        ("samples", (*SAMPLES, "contact.pad_disc.friction"), samples),
+        ("sensitivity", SENSITIVITY, sensitivity_rows()),
+        ("contact", CONTACT, contact),
+        ("drivers", DRIVERS, driver_rows()),
+        ("drivers_contact", CONTACT_DRIVERS, driver_map_rows(contact)),
+    ):
+        write_rows(directory / f"{name}.csv", columns, rows)
     write_sweep(directory)
     np.savez(directory / "laws.npz", **make_laws(rng))
-    np.savez(directory / "surface.npz", **make_surface(rng, 64 if small else 256))
-    np.savez(directory / "contact_maps.npz", **make_maps(rng, 64 if small else 512))
+    np.savez(directory / "surface.npz", **surface)
+    np.savez(directory / "contact_maps.npz", **make_maps(surface))
     (directory / "summary.json").write_text(json.dumps(SUMMARY))
-    (directory / "scene.toml").write_text(
-        'stages = ["surface"]\n[micro]\nE = "1983.3 MPa"  # <b>E</b>\n'
-    )
+    scene = 'stages = ["surface"]\n[micro]\nE = "1983.3 MPa"  # <b>E</b>\n'
+    (directory / "scene.toml").write_text(scene)
     return directory
 
 
@@ -346,7 +262,7 @@ def save_scan():
 @pytest.fixture(scope="session")
 def run_directory(tmp_path_factory) -> Path:
     """One complete synthetic run, not to be changed by a test."""
-    return make_run(tmp_path_factory.mktemp("run"), small=True)
+    return make_run(tmp_path_factory.mktemp("run"))
 
 
 @pytest.fixture(scope="session")

@@ -7,8 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.report.figures import make_figures
 from brake_fenicsx.report.html import write_report
-from brake_fenicsx.report.overview import summary_table
-from brake_fenicsx.results.answer import approach_rows
+from brake_fenicsx.results.answer import approach_rows, summary_table
 from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
 from run_tables import CONTACT, cells, read_run
 

@@ -1,4 +1,4 @@
-"""Which displacements are drawn as the modes of a sample."""
+"""Which displacements are drawn as the modes of a sample, and the nodal diameters of rings."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -13,14 +13,14 @@ from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.report import mode_fields
-from brake_fenicsx.report.mode_fields import _severe
+from brake_fenicsx.report.mode_fields import _severe, nodal_pattern
 from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
 from brake_fenicsx.samples.solve import displacements
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.modes import Modes
-from run_tables import read_run
+from run_tables import mode, read_run
 
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
@@ -72,12 +72,10 @@ def test_the_most_severe_families_are_drawn_whatever_their_sample(
     threshold, drawn, tmp_path, monkeypatch
 ):
     """The first sample that has an unstable mode has only the one that hardly grows."""
-    real, rest = -1.0, (1e-12, 1e-6, 2.0, "unstable")
     modes = [
-        ["multi-scale", 0, 0, 14e3, real, -8e-6, *rest, 1],
-        ["multi-scale", 1, 2, 14e3, real, -8e-6, *rest, 1],
-        ["multi-scale", 1, 3, 1500.0, real, -0.075, *rest, 2],
-    ]
+        mode("multi-scale", 0, 0, 14e3, -8e-6, 1), mode("multi-scale", 1, 2, 14e3, -8e-6, 1),
+        mode("multi-scale", 1, 3, 1500.0, -0.075, 2),
+    ]  # fmt: skip
     write_rows(tmp_path / "modes.csv", MODES, modes)
     write_rows(tmp_path / "samples.csv", SAMPLES, [["multi-scale", k, "ok", k] for k in (0, 1)])
     monkeypatch.setattr(
@@ -89,3 +87,48 @@ def test_the_most_severe_families_are_drawn_whatever_their_sample(
     # The one of median damping: of two equal ones any.
     found = [(m.sample, m.mode) for m in chosen]
     assert found[0] == drawn[0] and len(found) == len(drawn)
+
+
+@pytest.fixture(scope="module")
+def ring():
+    """Nodes of a disc of 75 to 144 mm radius, 20 mm thick, at random angles."""
+    rng = np.random.default_rng(3)
+    angle = 2 * np.pi * (np.arange(400) + 0.6 * rng.random(400)) / 400
+    radius, z = rng.uniform(0.075, 0.144, 400), rng.uniform(-0.01, 0.01, 400)
+    rim = slice(0, None, 4)
+    radius[rim] = 0.144
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z])
+
+
+@pytest.mark.parametrize("n", [0, 1, 4, 9])
+@pytest.mark.parametrize("travelling", [False, True])
+def test_a_wave_around_the_disc_has_its_order(ring, n, travelling):
+    """Standing or travelling, whatever its phase."""
+    angle = np.arctan2(ring[:, 1], ring[:, 0])
+    u = np.zeros(ring.shape, dtype=complex)
+    u[:, 2] = np.exp(1j * (n * angle + 0.3)) if travelling else np.cos(n * angle - 0.4)
+    found = nodal_pattern(ring, u * np.exp(0.7j))
+    assert (found.diameters, found.direction) == (n, "out of plane")
+    assert found.share == pytest.approx(1.0)
+
+
+def test_the_strongest_direction_and_its_share_are_named(ring):
+    """Radial with three waves, and a quarter of that square out of plane with five."""
+    angle = np.arctan2(ring[:, 1], ring[:, 0])
+    radial = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
+    u = radial * np.cos(3 * angle)[:, None]
+    u[:, 2] = 0.5 * np.cos(5 * angle)
+    found = nodal_pattern(ring, u)
+    assert (found.diameters, found.direction) == (3, "in plane, radial")
+    assert found.share == pytest.approx(0.8, abs=0.02)
+    across = np.column_stack([-np.sin(angle), np.cos(angle), np.zeros(len(angle))])
+    assert nodal_pattern(ring, across).direction == "in plane, tangential"
+    assert nodal_pattern(ring, across).diameters == 0
+
+
+def test_what_is_no_ring_or_does_not_move_has_no_pattern(ring):
+    angle = np.arctan2(ring[:, 1], ring[:, 0])
+    half = ring[angle > 0]
+    assert nodal_pattern(half, np.ones(half.shape)) is None
+    assert nodal_pattern(ring, np.zeros(ring.shape)) is None
+    assert nodal_pattern(np.zeros((0, 3)), np.zeros((0, 3))) is None

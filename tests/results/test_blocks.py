@@ -6,10 +6,9 @@ import pytest
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.results import sample_blocks as blocks
-from brake_fenicsx.results.counts import sample_facts
+from brake_fenicsx.results.output import sample_facts
 from brake_fenicsx.results.sample_blocks import SampleBlock, Tabulation
 from brake_fenicsx.results.stored import StoredSamples
-from brake_fenicsx.results.tables import write_rows
 
 TASKS = [("joint", k) for k in range(10)]
 TABULATE = Tabulation(1e-3)
@@ -149,42 +148,3 @@ def test_columns_made_with_other_families_or_of_more_samples_are_made_again(stor
         packed = stored(name, mine)
         one, two = tables(plain, tabulate, tasks), tables(packed, tabulate, tasks)
         assert one == two
-
-
-def test_table_of_many_rows_is_parquet_and_csv_on_request(tmp_path, monkeypatch):
-    """The same bytes as of few rows; columns are typed."""
-    import pandas as pd
-
-    from brake_fenicsx.results import columns
-
-    pytest.importorskip("pyarrow")
-    rng = np.random.default_rng(0)
-    heads = ("approach", "sample", "damping", "partner")
-    damping, partner = rng.normal(size=30), np.where(rng.random(30) < 0.5, -1, np.arange(30))
-    damping[3] = np.nan
-    rows = [["joint", k, float(d), int(p) if p >= 0 else None]
-            for k, (d, p) in enumerate(zip(damping, partner, strict=True))]  # fmt: skip
-    asked = write_rows(tmp_path / "asked.csv", heads, rows).read_bytes()
-
-    def write(path):
-        with columns.column_writer(path, heads) as take:
-            for own in (slice(0, 7), slice(7, 19), slice(19, 30)):
-                take({
-                    "approach": np.full(30, "joint")[own], "sample": np.arange(30)[own],
-                    "damping": damping[own], "partner": np.ma.masked_less(partner, 0)[own],
-                })  # fmt: skip
-        return path
-
-    few = write(tmp_path / "few.csv")
-    assert few.read_bytes() == asked and not few.with_suffix(".parquet").exists()
-    monkeypatch.setattr(columns, "MANY", 10)
-    many = write(tmp_path / "many.csv")
-    assert not many.exists() and many.with_suffix(".parquet").is_file()
-    table, plain = pd.read_parquet(many.with_suffix(".parquet")), pd.read_csv(few)
-    assert [*table] == [*heads] and (table["approach"] == "joint").all()
-    for name in heads[1:]:
-        np.testing.assert_array_equal(table[name], plain[name])
-    assert columns.write_csv(many).read_bytes() == asked
-    assert columns.write_csv(few) is None
-    monkeypatch.setattr(columns, "_pyarrow", lambda: None)
-    assert write(tmp_path / "without.csv").read_bytes() == asked

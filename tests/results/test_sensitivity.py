@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.build.values import quantile
-from brake_fenicsx.results.ensemble_statistics import rank_correlation
-from brake_fenicsx.results.sensitivity import indices
+from brake_fenicsx.results.ensemble_statistics import indices, rank_correlation
 from brake_fenicsx.samples.designs import design_points, roughness_of
 from brake_fenicsx.scene import Distribution
 from brake_fenicsx.scene.samples_section import Plan

@@ -7,21 +7,20 @@ import pytest
 from scipy.optimize import brentq
 
 from brake_fenicsx.report.input_figures import correlations, draw_correlations
-from brake_fenicsx.report.overview import open_points, summary_table
 from brake_fenicsx.results.accuracy import error_rows, speed_rows, stage_rows
-from brake_fenicsx.results.answer import approach_rows, family_rows, write_tables
+from brake_fenicsx.results.answer import (
+    approach_rows,
+    family_rows,
+    limit_rows,
+    open_points,
+    summary_table,
+    write_tables,
+)
 from brake_fenicsx.results.ensemble_statistics import wilson
-from brake_fenicsx.results.limits import limit_rows
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
-from run_tables import cells, read_columns, read_rows, read_run
-
-
-def mode(approach, sample, number, f, damping, family, error=1e-6):
-    verdict = "unstable" if damping < 0 else "stable" if damping > 0 else "neutral"
-    real = -damping * np.pi * f
-    return [approach, sample, number, f, real, damping, 1e-12, error, 2.0, verdict, family]
+from run_tables import cells, mode, read_columns, read_rows, read_run
 
 
 @pytest.fixture

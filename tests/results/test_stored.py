@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from brake_fenicsx.results.counts import sample_facts, verification
+from brake_fenicsx.results.output import sample_facts, verification
 from brake_fenicsx.results.stored import StoredSamples
 from brake_fenicsx.results.tables import SAMPLES, write_rows
 from brake_fenicsx.samples.forces import mean_friction

@@ -3,6 +3,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from brake_fenicsx.results import tables
 from brake_fenicsx.results.tables import Row, RowTable, show, text_table, write_rows
 from run_tables import read_columns, read_rows
 
@@ -117,3 +118,40 @@ def test_columns_of_mixed_cells_have_one_type():
     assert columns["whole"].dtype == np.int64
     empty = RowTable(names, []).columns
     assert {values.size for values in empty.values()} == {0}
+
+
+def test_table_of_many_rows_is_parquet_and_csv_on_request(tmp_path, monkeypatch):
+    """The same bytes as of few rows; columns are typed."""
+    import pandas as pd
+
+    pytest.importorskip("pyarrow")
+    rng = np.random.default_rng(0)
+    heads = ("approach", "sample", "damping", "partner")
+    damping, partner = rng.normal(size=30), np.where(rng.random(30) < 0.5, -1, np.arange(30))
+    damping[3] = np.nan
+    rows = [["joint", k, float(d), int(p) if p >= 0 else None]
+            for k, (d, p) in enumerate(zip(damping, partner, strict=True))]  # fmt: skip
+    asked = write_rows(tmp_path / "asked.csv", heads, rows).read_bytes()
+
+    def write(path):
+        with tables.column_writer(path, heads) as take:
+            for own in (slice(0, 7), slice(7, 19), slice(19, 30)):
+                take({
+                    "approach": np.full(30, "joint")[own], "sample": np.arange(30)[own],
+                    "damping": damping[own], "partner": np.ma.masked_less(partner, 0)[own],
+                })  # fmt: skip
+        return path
+
+    few = write(tmp_path / "few.csv")
+    assert few.read_bytes() == asked and not few.with_suffix(".parquet").exists()
+    monkeypatch.setattr(tables, "MANY", 10)
+    many = write(tmp_path / "many.csv")
+    assert not many.exists() and many.with_suffix(".parquet").is_file()
+    table, plain = pd.read_parquet(many.with_suffix(".parquet")), pd.read_csv(few)
+    assert [*table] == [*heads] and (table["approach"] == "joint").all()
+    for name in heads[1:]:
+        np.testing.assert_array_equal(table[name], plain[name])
+    assert tables.write_csv(many).read_bytes() == asked
+    assert tables.write_csv(few) is None
+    monkeypatch.setattr(tables, "_pyarrow", lambda: None)
+    assert write(tmp_path / "without.csv").read_bytes() == asked

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from brake_fenicsx.results.accuracy import eigenvalue_errors
+from brake_fenicsx.results.run import eigenvalue_errors
 from brake_fenicsx.samples.solve import _missed
 from brake_fenicsx.stability.modes import relative_errors
 from brake_fenicsx.stability.substructures.interpolated import InterpolatedCoefficients

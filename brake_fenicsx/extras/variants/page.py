@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from brake_fenicsx import __version__
-from brake_fenicsx.report.html import render, write_page
-from brake_fenicsx.report.overview import share_text
-from brake_fenicsx.report.page_blocks import Block, Picture, Text
+from brake_fenicsx.report.page_blocks import Block, Picture, Text, render, write_page
 from brake_fenicsx.report.style import BLUE, GREY, VERMILION, drawn, light_grid, new_figure
+from brake_fenicsx.results.answer import share_text
 from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.tables import Value
 

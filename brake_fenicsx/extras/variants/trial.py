@@ -23,12 +23,10 @@ from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.mac import mac
 from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
-from brake_fenicsx.results.families import known_numbers
-from brake_fenicsx.results.family_shapes import FILE as SHAPES
-from brake_fenicsx.results.family_shapes import shapes_at_dofs
+from brake_fenicsx.results.families import SHAPES, known_numbers, shapes_at_dofs
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family, squeals
-from brake_fenicsx.samples.numbering import dof_points
+from brake_fenicsx.samples.numbering import dof_places
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.sweeps.state import Points, State, likeness
 
@@ -99,8 +97,8 @@ class Trial:
             key: of the number that samples take at other values.
         """
         self._study, self._worst, self._comm, self._key = study, worst, comm, key
-        body = study.models.numbering.body
-        shapes = shapes_at_dofs(worst.shapes, dof_points(study.brake), body)
+        places = dof_places(study.brake, study.models.numbering.body)
+        shapes = shapes_at_dofs(worst.shapes, places)
         found = study.models.coordinates.of(shapes)
         if found is None:
             raise ValueError("a scene with a sweep has coordinates")
