@@ -8,8 +8,10 @@ h_q = mean(h exp(-i q x)) give C = |h_q|^2 A / (4 pi^2).
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.fft
@@ -19,6 +21,8 @@ from brake_fenicsx.arguments import number
 from brake_fenicsx.surface.topography import Array, Scans, Topography, fill, first
 
 Density = Callable[[Array], Array]
+RINGS = 12  # per factor e of the wave number
+GROUP = 1.0 / 48.0  # width in ln q of the groups of waves that are looked at together
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,18 +120,16 @@ def ring_sums(values: Array, topo: Topography) -> Array:
         values: of the waves of ``waves_of``.
         topo: scan whose grid it has.
     """
-    ring, inside, _, weights = _rings(topo)
+    ring, inside, _, weights = _rings(topo, *_wave_numbers(topo))
     return np.asarray(np.bincount(ring, (weights * values.ravel())[inside]), dtype=float)
 
 
-def radial_psd(scans: Scans, cutoff: float | None = None, rings: int = 12) -> RadialPsd:
+def radial_psd(scans: Scans, cutoff: float | None = None) -> RadialPsd:
     """Radial mean of the PSD with its reliable band.
 
     Args:
         scans: levelled scan, or several.
         cutoff: shortest wave length the instrument resolves [m]; two pixels if not given.
-        rings: rings per factor e of the wave number where the grid is fine enough; ring edges
-            stand at least one grid step apart.
 
     Returns:
         The PSD. Its reliable band runs from the scan length (from twice its wave number for a scan
@@ -136,7 +138,7 @@ def radial_psd(scans: Scans, cutoff: float | None = None, rings: int = 12) -> Ra
     """
     topo = first(scans)
     C = _density(scans)
-    mean_q, mean_C, scatter = radial_mean(C, topo, rings)
+    mean_q, mean_C, scatter = radial_mean(C, topo)
     step, nyquist = 2.0 * np.pi / topo.size.min(), np.pi / topo.pixel.max()
     lo = (0.99 if topo.periodic else 1.9) * step
     if cutoff is None:
@@ -148,51 +150,90 @@ def radial_psd(scans: Scans, cutoff: float | None = None, rings: int = 12) -> Ra
     return RadialPsd(mean_q, mean_C, scatter, (lo, hi))
 
 
-def radial_mean(C: Array, topo: Topography, rings: int = 12) -> tuple[Array, Array, Array]:
+def radial_mean(C: Array, topo: Topography) -> tuple[Array, Array, Array]:
     """Wave number [rad/m], mean density [m^4] and its relative variance [-] of each ring.
 
     Args:
         C: density [m^4] of the waves that a scan is measured by: those of ``psd_2d`` of a periodic
             one, else those of ``cosine_psd``.
         topo: scan whose grid it has.
-        rings: as for ``radial_psd``.
     """
-    ring, inside, q, weights = _rings(topo, rings)
+    ring, inside, q, weights = _rings(topo, *_wave_numbers(topo))
     return _ring_means(ring, weights[inside], q[inside], C.ravel()[inside])
 
 
-def _rings(topo: Topography, rings: int = 12) -> tuple[NDArray[np.intp], NDArray, Array, Array]:
-    """Ring of every wave inside one, empty rings left out; which waves; wave numbers; weights."""
-    q, weights = _wave_numbers(topo)
+def _rings(topo: Topography, q: Array, weights: Array) -> tuple[NDArray[np.intp], Any, Array, Array]:
+    """Ring of every wave inside one, empty rings left out; which waves; wave numbers; weights.
+
+    Rings are ``RINGS`` per factor e of the wave number, and at least one grid step wide.
+    """
     q, weights = q.ravel(), np.broadcast_to(weights, q.shape).ravel()
-    edges = _ring_edges(2.0 * np.pi / topo.size.min(), np.pi / topo.pixel.max(), rings)
+    step, nyquist = 2.0 * np.pi / topo.size.min(), np.pi / topo.pixel.max()
+    edges = [0.5 * step]
+    while edges[-1] < nyquist:
+        edges.append(max(edges[-1] + step, edges[-1] * np.exp(1.0 / RINGS)))
     ring = np.digitize(q * (1.0 + 1e-9), edges) - 1  # waves on an edge, whatever the rounding
-    inside = (ring >= 0) & (ring < edges.size - 1)
+    inside = (ring >= 0) & (ring < len(edges) - 1)
     return np.unique(ring[inside], return_inverse=True)[1], inside, q, weights
 
 
 def seen_in_scans(C: Density, topo: Topography) -> Array:
     """Radial mean that ``radial_psd`` finds on average in scans of a spectrum [m^4], shape (n,).
 
-    With the correlation R of the surface, the mean square of the cosine wave k along n points is
-    the sum over lags l of R(l) ((n - |l|) cos(a l) - sin(a |l|) / sin a) / n, where a = pi k / n;
-    without the second term for k = 0.
-
     Args:
         C: density [m^4] of the wave number [rad/m].
         topo: a scan of the size and the grid; nothing is done to a periodic one.
     """
-    q, _ = _wave_numbers(topo, ends=not topo.periodic)
-    seen, (nx, ny) = C(q), topo.shape
-    if not topo.periodic:
-        seen = scipy.fft.dctn(seen, type=1) / (4.0 * nx * ny)  # correlation times the size / 4 pi^2
-        for axis in (0, 1):
-            seen = _mean_squares(np.moveaxis(seen, axis, 0)).swapaxes(0, axis)
-    return radial_mean(np.maximum(seen, 0.0), topo)[1]
+    if topo.periodic:
+        return radial_mean(C(_wave_numbers(topo)[0]), topo)[1]
+    (along, across), q, waves, rings = _groups(topo.shape, *topo.size.tolist())
+    seen = np.maximum(along @ C(q) @ across.T, 0.0)
+    middle, mean, _ = _ring_means(*waves[1:], seen.ravel()[waves[0]])
+    return np.asarray(np.exp(np.interp(rings, np.log(middle), np.log(mean))))
+
+
+@functools.lru_cache(maxsize=4)
+def _groups(shape: tuple[int, int], *size: float) -> tuple[Any, Array, Any, Array]:
+    """What scans of a grid do to a spectrum, for groups of neighbouring waves.
+
+    Along each axis the first waves stand alone, later ones in groups of a width of ``GROUP`` in
+    ln q, over which a spectrum hardly changes: rings come out to 2e-3 at worst, 3e-4 rms
+    (tests/surface/test_psd.py), of a scan of 2000 x 2000 points from 50,000 groups.
+
+    Returns:
+        Along each axis the mean squares of the cosine waves of every group for unit density of one;
+        wave numbers of the groups [rad/m]; which of them lie in rings, in which, with which weight
+        and wave number; ln of the wave numbers of the rings of ``radial_psd``.
+    """
+    answers, middles, places = [], [], []
+    for n, side in zip(shape, size, strict=True):
+        edges = np.append(np.arange(2.0 / GROUP), np.exp(np.arange(0.0, np.log(n + 1.0), GROUP)))
+        starts = np.unique(edges[edges < n].astype(int))
+        ends = np.append(starts[1:], n)
+        of_group = (np.arange(n + 1)[:, None] >= starts) & (np.arange(n + 1)[:, None] < ends)
+        of_group = np.column_stack([of_group, np.arange(n + 1) == n]).astype(float)
+        correlation = scipy.fft.dct(of_group, type=1, axis=0) / (2.0 * n)
+        squares = np.add.reduceat(_mean_squares(correlation), starts, axis=0)
+        answers.append(np.pad(squares / (ends - starts)[:, None], ((0, 1), (0, 0))))
+        middles.append(np.append(starts + ends - 1.0, 2.0 * n) * (0.5 * np.pi / side))
+        places.append(np.repeat(np.arange(starts.size), ends - starts))
+    q, topo = np.hypot(middles[0][:, None], middles[1]), Topography(np.empty(shape), np.array(size))
+    ring, inside, known, _ = _rings(topo, *_wave_numbers(topo))
+    group = places[0][:, None] * middles[1].size + places[1]
+    # Waves of one group may lie in two rings.
+    count = np.bincount(ring * q.size + group.ravel()[inside])
+    pair = np.flatnonzero(count)
+    ring, group = np.divmod(pair, q.size)
+    waves = group, ring, count[pair].astype(float), q.ravel()[group]
+    return answers, q, waves, np.log(radial_mean(np.ones(shape), topo)[0])
 
 
 def _mean_squares(R: Array) -> Array:
-    """Mean squares of cosine waves along the first axis, of correlations at lags 0 to n."""
+    """Mean squares of cosine waves along the first axis, of correlations at lags 0 to n.
+
+    Of the wave k along n points it is the sum over lags l of R(l) ((n - |l|) cos(a l) -
+    sin(a |l|) / sin a) / n, where a = pi k / n; without the second term for k = 0.
+    """
     n = len(R) - 1
     lag = np.arange(n + 1.0)[:, None]
     squares = scipy.fft.dct(R * (1.0 - lag / n), type=1, axis=0)[:n]
@@ -208,12 +249,12 @@ def _density(scans: Scans) -> Array:
     return psd_2d(scans) if scans.periodic else cosine_psd(scans)
 
 
-def _wave_numbers(topo: Topography, ends: bool = False) -> tuple[Array, Array]:
+def _wave_numbers(topo: Topography) -> tuple[Array, Array]:
     """Wave numbers [rad/m] of the waves that a scan is measured by, and how much each counts."""
     if topo.periodic:
         weights = np.asarray(half_plane_weights(topo.shape) / 2.0, float)
         return wave_numbers(topo.shape, topo.size), weights
-    kx, ky = (np.pi * np.arange(n + ends) / L for n, L in zip(topo.shape, topo.size, strict=True))
+    kx, ky = (np.pi * np.arange(n) / L for n, L in zip(topo.shape, topo.size, strict=True))
     return np.hypot(kx[:, None], ky), np.ones(1)
 
 
@@ -254,14 +295,6 @@ def _ring_means(ring: NDArray[np.intp], w: Array, q: Array, C: Array) -> tuple[A
     freedom = np.maximum(count[full] - 1.0, 1.0).sum()
     share = float(relative[full].sum() / freedom) if full.any() else 1.0
     return middle, mean, share / count
-
-
-def _ring_edges(step: float, nyquist: float, rings: int) -> Array:
-    """Edges of the rings [rad/m]: one grid step apart at first, then equal in log q."""
-    edges = [0.5 * step]
-    while edges[-1] < nyquist:
-        edges.append(max(edges[-1] + step, edges[-1] * np.exp(1.0 / rings)))
-    return np.array(edges)
 
 
 def anisotropy(topo: Scans, band: tuple[float, float]) -> tuple[float, float]:

@@ -7,11 +7,11 @@ thus continued alike: as power laws, or constant below the band.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, least_squares
+from scipy.optimize import brentq
 
 from brake_fenicsx.arguments import one_of
 from brake_fenicsx.errors import SurfaceError
@@ -26,6 +26,7 @@ MODEL = 0.01  # variance of ln C that a ring has beyond its scatter
 SMOOTH = 0.07  # standard deviation over ln q of the weights of rings: nearly one ring
 WINDOW = 0.3  # and over q, in grid steps: half the width of the transform of a scan's area
 ITERATIONS = 12
+NEAR = 1e-3  # difference in ln q below which wave vectors count as equally long
 MOST = 5.0  # change of ln C of the waves longer than the reliable band
 
 
@@ -70,12 +71,11 @@ class BiFractal:
         one_of("low", low, LOW)
         q = np.asarray(q, dtype=float)
         x = np.where(q > 0.0, q, self.q_c)
-        if low == "flat":
-            x = np.maximum(x, self.band[0])
-        r = x / self.q_c
-        C = self.C0 * np.where(r < 1.0, r**self.c1, r**self.c2)
+        ln_q = np.log(np.maximum(x, self.band[0]) if low == "flat" else x)
+        ln_C = _broken(ln_q, np.log(self.C0), self.c1, self.c2, np.log(self.q_c))
         if self.misfit is not None:
-            C = C * np.exp(np.interp(np.log(x), *self.misfit))
+            ln_C += np.interp(ln_q, *self.misfit)
+        C = np.exp(ln_C)
         if self.form is not None:
             C = np.where(q < self.band[0], self.form(q, low), C)
         return np.where(q > 0.0, C, 0.0)
@@ -147,11 +147,27 @@ def variance_on(spectrum: BiFractal, topo: Topography, below: float = np.inf) ->
         topo: the scan.
         below: wave number that the waves stay below [rad/m].
     """
-    qx, qy = np.broadcast_arrays(*wave_vectors(topo.shape, topo.size))
-    counted = np.hypot(qx, qy) < below
-    weights = np.broadcast_to(half_plane_weights(topo.shape), qx.shape)[counted]
-    cell = 4.0 * np.pi**2 / float(np.prod(topo.size))
-    return float(weights @ spectrum.on(qx[counted], qy[counted], "flat")) * cell
+    q, weights = _wave_numbers(topo.shape, (float(topo.size[0]), float(topo.size[1])), spectrum.lay)
+    counted = q < below
+    return float(weights[counted] @ spectrum(q[counted], "flat"))
+
+
+@lru_cache(maxsize=4)
+def _wave_numbers(
+    shape: tuple[int, int], size: tuple[float, float], lay: Lay | None
+) -> tuple[Array, Array]:
+    """Wave numbers of periodic surfaces [rad/m], and the variance that unit density has there.
+
+    Wave vectors that are ``NEAR`` each other in length count as one.
+    """
+    qx, qy = wave_vectors(shape, np.array(size))
+    weights = half_plane_weights(shape) * (4.0 * np.pi**2 / np.prod(size))
+    weights = np.outer(np.ones(shape[0]), weights) if lay is None else weights * lay(qx, qy)
+    ln_q, weights = np.log(np.hypot(qx, qy).ravel()[1:]), weights.ravel()[1:]
+    place = np.rint((ln_q - ln_q.min()) / NEAR).astype(np.intp)
+    total, sums = np.bincount(place, weights), np.bincount(place, weights * ln_q)
+    some = total > 0.0
+    return np.exp(sums[some] / total[some]), total[some]
 
 
 def _closed(found: BiFractal, scans: Scans) -> BiFractal:
@@ -182,8 +198,7 @@ def fit_bifractal(psd: RadialPsd) -> BiFractal:
     ln C of a ring has the variance of its scatter and lies half of it low; what the model itself
     misses is estimated from the residual and added, so that a real surface weighs all rings alike
     and an ideal one weighs them by their wave vectors. The corner leaves two rings or more
-    on either side and is sought from several starts;
-    standard errors follow from the Jacobian and the residual.
+    on either side; standard errors follow from the Jacobian and the residual.
 
     Raises:
         SurfaceError: fewer than six rings in the band.
@@ -199,44 +214,34 @@ def fit_bifractal(psd: RadialPsd) -> BiFractal:
     missed = MODEL
     for _ in range(3):
         weights = 1.0 / np.sqrt(scatter + missed)
-        v, jacobian, cost = _best_start(x, y, weights)
-        residual = _broken(x, v) - y
+        ln_C0, c1, c2, corner = v = _least_squares(x, y, weights)
+        residual = _broken(x, *v) - y
         missed = max(float(np.mean(residual**2 - scatter)), 1e-6)
-    spread = 2.0 * cost / max(x.size - 4, 1)
-    e = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian) * spread))
-    errors = (float(e[1]), float(e[2]), float(e[3]), float(e[0]))
-    rms = float(np.sqrt(np.mean(residual**2)))
-    q_c, C0 = float(np.exp(v[3])), float(np.exp(v[0]))
-    return BiFractal(float(v[1]), float(v[2]), q_c, C0, psd.band, errors, rms)
-
-
-def _best_start(x: Array, y: Array, weights: Array) -> tuple[Array, Array, float]:
-    """Parameters, Jacobian and cost of the best of several fits with different corners."""
-    fits = []
-    for share in (0.2, 0.35, 0.5, 0.65, 0.8):
-        corner = x[2] + share * (x[-3] - x[2])
-        fits.append(
-            least_squares(
-                lambda v: weights * (_broken(x, v) - y),
-                [*_linear_part(x, y, weights, corner), corner],
-                bounds=([-np.inf] * 3 + [x[2] - 1e-9], [np.inf] * 3 + [x[-3] + 1e-9]),
-                x_scale="jac",
-            )
-        )
-    best = min(fits, key=lambda fit: fit.cost)
-    return best.x, best.jac, float(best.cost)
-
-
-def _broken(x: Array, v: Array) -> Array:
-    """Model ln C(ln q) with v = (ln C0, c1, c2, ln q_c)."""
-    t = x - v[3]
-    return v[0] + np.where(t < 0.0, v[1], v[2]) * t
-
-
-def _linear_part(x: Array, y: Array, weights: Array, corner: float) -> list[float]:
-    """Best (ln C0, c1, c2) for a fixed corner."""
+    spread = np.sum((weights * residual) ** 2) / max(x.size - 4, 1)
     t = x - corner
-    columns = np.stack([np.ones_like(t), np.minimum(t, 0.0), np.maximum(t, 0.0)], axis=1)
-    return [
-        float(c) for c in np.linalg.lstsq(columns * weights[:, None], y * weights, rcond=None)[0]
-    ]
+    jacobian = np.stack([
+        np.minimum(t, 0.0), np.maximum(t, 0.0), -np.where(t < 0.0, c1, c2), np.ones_like(t)
+    ]) * weights  # fmt: skip
+    errors = np.sqrt(np.diag(np.linalg.pinv(jacobian @ jacobian.T) * spread))
+    rms, q_c, C0 = (float(f) for f in (np.sqrt(np.mean(residual**2)), np.exp(corner), np.exp(ln_C0)))
+    return BiFractal(c1, c2, q_c, C0, psd.band, tuple(errors.tolist()), rms)
+
+
+def _least_squares(x: Array, y: Array, weights: Array) -> tuple[float, float, float, float]:
+    """Best (ln C0, c1, c2, ln q_c): at a given corner the others are linear (Golub and Pereyra)."""
+    corners: Array = np.linspace(x[2], x[-3], 65)
+    for _ in range(8):
+        t = x - corners[:, None]
+        columns = np.stack([np.ones_like(t), np.minimum(t, 0.0), np.maximum(t, 0.0)], 1) * weights
+        best = np.linalg.solve(columns @ columns.swapaxes(1, 2), columns @ (weights * y))
+        costs = np.sum((np.einsum("gin,gi->gn", columns, best) - weights * y) ** 2, axis=1)
+        i, step = int(costs.argmin()), float(corners[1] - corners[0])
+        v = (*best[i].tolist(), float(corners[i]))
+        corners = np.clip(v[3] + step * np.linspace(-1.0, 1.0, 33), x[2], x[-3])
+    return v
+
+
+def _broken(x: Array, ln_C0: float, c1: float, c2: float, corner: float) -> Array:
+    """Model ln C(ln q)."""
+    t = x - corner
+    return ln_C0 + np.where(t < 0.0, c1, c2) * t
