@@ -16,7 +16,13 @@ from scipy.optimize import brentq
 from brake_fenicsx.arguments import one_of
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.lay import Lay, lay_of
-from brake_fenicsx.surface.psd import RadialPsd, half_plane_weights, seen_in_scans, wave_vectors
+from brake_fenicsx.surface.psd import (
+    RadialPsd,
+    half_plane_weights,
+    of_equal_length,
+    seen_in_scans,
+    wave_vectors,
+)
 from brake_fenicsx.surface.topography import Scans, Topography, first
 
 Array = NDArray[np.float64]
@@ -26,7 +32,6 @@ MODEL = 0.01  # variance of ln C that a ring has beyond its scatter
 SMOOTH = 0.07  # standard deviation over ln q of the weights of rings: nearly one ring
 WINDOW = 0.3  # and over q, in grid steps: half the width of the transform of a scan's area
 ITERATIONS = 12
-NEAR = 1e-3  # difference in ln q below which wave vectors count as equally long
 MOST = 5.0  # change of ln C of the waves longer than the reliable band
 
 
@@ -129,13 +134,15 @@ def spectrum_of(scans: Scans, psd: RadialPsd, fit: BiFractal, kind: str) -> BiFr
     x = np.log(psd.q[use])
     width = np.hypot(SMOOTH, WINDOW * psd.q[0] / psd.q[use])[:, None]
     kernel = np.exp(-0.5 * ((x[:, None] - x) / width) ** 2) * (psd.q * np.gradient(psd.q))[use]
+    every = [scans] if isinstance(scans, Topography) else scans
+    variance = float(np.mean([np.nanvar(scan.heights) for scan in every]))
     found, ln_ratio = fit, np.zeros(x.size)
     for _ in range(ITERATIONS):
         seen = seen_in_scans(partial(found, low="flat"), first(scans))[use]
         ln_ratio = ln_ratio + np.log((kernel @ psd.C[use]) / (kernel @ seen))
         found = replace(fit, misfit=(tuple(map(float, x)), tuple(map(float, ln_ratio))))
         if not first(scans).periodic:
-            found = _closed(found, scans)
+            found = _closed(found, first(scans), variance)
     return found
 
 
@@ -158,23 +165,19 @@ def _wave_numbers(
 ) -> tuple[Array, Array]:
     """Wave numbers of periodic surfaces [rad/m], and the variance that unit density has there.
 
-    Wave vectors that are ``NEAR`` each other in length count as one.
+    Wave vectors of nearly the same length count as one.
     """
     qx, qy = wave_vectors(shape, np.array(size))
     weights = half_plane_weights(shape) * (4.0 * np.pi**2 / np.prod(size))
     weights = np.outer(np.ones(shape[0]), weights) if lay is None else weights * lay(qx, qy)
     ln_q, weights = np.log(np.hypot(qx, qy).ravel()[1:]), weights.ravel()[1:]
-    place = np.rint((ln_q - ln_q.min()) / NEAR).astype(np.intp)
-    total, sums = np.bincount(place, weights), np.bincount(place, weights * ln_q)
-    some = total > 0.0
-    return np.exp(sums[some] / total[some]), total[some]
+    place, middles = of_equal_length(ln_q)
+    return np.exp(middles), np.bincount(place, weights)
 
 
-def _closed(found: BiFractal, scans: Scans) -> BiFractal:
-    """A spectrum whose long waves bring the variance of periodic surfaces to that of scans."""
-    every = [scans] if isinstance(scans, Topography) else scans
-    wanted = float(np.mean([np.nanvar(scan.heights) for scan in every]))
-    (x, ln_ratio), topo = found.misfit or ((), ()), first(scans)
+def _closed(found: BiFractal, topo: Topography, wanted: float) -> BiFractal:
+    """A spectrum whose long waves bring the variance of periodic surfaces to a wanted one [m^2]."""
+    x, ln_ratio = found.misfit or ((), ())
     longest = 2.0 * np.pi / float(topo.size.max())
 
     def with_level(change: float) -> BiFractal:
@@ -223,7 +226,9 @@ def fit_bifractal(psd: RadialPsd) -> BiFractal:
         np.minimum(t, 0.0), np.maximum(t, 0.0), -np.where(t < 0.0, c1, c2), np.ones_like(t)
     ]) * weights  # fmt: skip
     errors = np.sqrt(np.diag(np.linalg.pinv(jacobian @ jacobian.T) * spread))
-    rms, q_c, C0 = (float(f) for f in (np.sqrt(np.mean(residual**2)), np.exp(corner), np.exp(ln_C0)))
+    rms, q_c, C0 = (
+        float(f) for f in (np.sqrt(np.mean(residual**2)), np.exp(corner), np.exp(ln_C0))
+    )
     return BiFractal(c1, c2, q_c, C0, psd.band, tuple(errors.tolist()), rms)
 
 
