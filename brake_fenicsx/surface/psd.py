@@ -183,7 +183,7 @@ def _rings(topo: Topography) -> tuple[NDArray[np.intp], NDArray[np.bool_], Array
         edges.append(max(edges[-1] + step, edges[-1] * np.exp(1.0 / RINGS)))
     ring = np.digitize(q.ravel() * (1.0 + 1e-9), edges) - 1  # on an edge, whatever the rounding
     inside = (ring >= 0) & (ring < len(edges) - 1)
-    ring = np.unique(ring[inside], return_inverse=True)[1]
+    ring = _without_empty(ring[inside])
     weights = np.broadcast_to(weights, q.shape).ravel()[inside]
     return ring, inside, np.log(q.ravel()[inside]), weights
 
@@ -251,10 +251,13 @@ def of_equal_length(ln_q: Array) -> tuple[NDArray[np.intp], Array]:
     Args:
         ln_q: ln of wave numbers, shape (n,).
     """
-    place = np.rint((ln_q - ln_q.min()) / NEAR).astype(np.intp)
-    count = np.bincount(place)
-    place = (np.cumsum(count > 0) - 1)[place]
-    return place, np.bincount(place, ln_q) / count[count > 0]
+    place = _without_empty(np.rint((ln_q - ln_q.min()) / NEAR).astype(np.intp))
+    return place, np.bincount(place, ln_q) / np.bincount(place)
+
+
+def _without_empty(numbers: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Numbers of groups, those of groups without a member left out."""
+    return np.asarray((np.cumsum(np.bincount(numbers) > 0) - 1)[numbers])
 
 
 def _mean_squares(R: Array) -> Array:
@@ -342,5 +345,5 @@ def anisotropy(topo: Scans, band: tuple[float, float]) -> tuple[float, float]:
     variance = (C * half_plane_weights(topo.shape))[inside]
     if inside.sum() < 8 or not variance.any():
         return 0.0, 0.0
-    harmonic = np.sum(variance * np.exp(2j * np.arctan2(qy, qx + 0.0 * qy)[inside]))
+    harmonic = np.sum(variance * ((qx + 1j * qy) ** 2)[inside] / q[inside] ** 2)
     return float(abs(harmonic) / variance.sum()), float(np.angle(harmonic) / 2.0)

@@ -206,10 +206,18 @@ def _moment_errors(topo: Topography, blocks: int = 4) -> tuple[float, float, flo
         np.arange(topo.shape[1]) * blocks // topo.shape[1],
     )[topo.valid]
     h = topo.heights[topo.valid]
-    values = np.array([moments(h[tile != k]) for k in np.unique(tile)])
+    spread = h.std()
+    z = (h - h.mean()) / spread
+    sums = np.array([np.bincount(tile, z**k, blocks**2) for k in range(5)])
+    sums = (sums.sum(axis=1)[:, None] - sums)[:, sums[0] > 0]
+    one, two, three, four = sums[1:] / sums[0]
+    variance = two - one**2
+    third = three - 3.0 * one * two + 2.0 * one**3
+    fourth = four - 4.0 * one * three + 6.0 * one**2 * two - 3.0 * one**4
+    S_q = np.sqrt(variance)
+    values = np.array([spread * one, spread * S_q, third / S_q**3, fourth / variance**2]).T
     n = len(values)
-    spread = np.sqrt((n - 1) / n * np.sum((values - values.mean(axis=0)) ** 2, axis=0))
-    return _four(spread)
+    return _four(np.sqrt((n - 1) / n * np.sum((values - values.mean(axis=0)) ** 2, axis=0)))
 
 
 def _four(values: Array) -> tuple[float, float, float, float]:
