@@ -84,7 +84,7 @@ def drawn_law(recipe: LawRecipe, stats: SurfaceStatistics, seed: int, number: in
     """
     child = np.random.SeedSequence(seed, spawn_key=(number, 1))
     other = resampled(stats, np.random.default_rng(child))
-    drawn, loads = replace(recipe, psd=other.spectrum, hdf=other.hdf), _loads(recipe.settings)
+    drawn, loads = replace(recipe, psd=other.spectrum, hdf=other.hdf), loads_of(recipe.settings)
 
     def press(patch: Topography) -> LawSteps:
         return law_steps(patch, recipe.settings, only=loads)
@@ -98,7 +98,7 @@ def drawn_law(recipe: LawRecipe, stats: SurfaceStatistics, seed: int, number: in
     return np.stack([scan, grid, *stiffness(steps), *np.concatenate(common)])
 
 
-def _loads(settings: LawSettings) -> Array:
+def loads_of(settings: LawSettings) -> Array:
     """Mean pressures [Pa] that the stiffnesses at ``PRESSURES`` are read from, rising.
 
     Under a hardness these and the ends of the secants; the vibration stiffness of an elastic
