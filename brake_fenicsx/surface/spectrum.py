@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import brentq, least_squares
 
 from brake_fenicsx.arguments import one_of
 from brake_fenicsx.errors import SurfaceError
@@ -77,7 +78,7 @@ class BiFractal:
         q = np.asarray(q, dtype=float)
         x = np.where(q > 0.0, q, self.q_c)
         ln_q = np.log(np.maximum(x, self.band[0]) if low == "flat" else x)
-        ln_C = _broken(ln_q, np.log(self.C0), self.c1, self.c2, np.log(self.q_c))
+        ln_C = _broken(ln_q, (np.log(self.C0), self.c1, self.c2, np.log(self.q_c)))
         if self.misfit is not None:
             ln_C += np.interp(ln_q, *self.misfit)
         C = np.exp(ln_C)
@@ -201,7 +202,8 @@ def fit_bifractal(psd: RadialPsd) -> BiFractal:
     ln C of a ring has the variance of its scatter and lies half of it low; what the model itself
     misses is estimated from the residual and added, so that a real surface weighs all rings alike
     and an ideal one weighs them by their wave vectors. The corner leaves two rings or more
-    on either side; standard errors follow from the Jacobian and the residual.
+    on either side and is sought from several starts;
+    standard errors follow from the Jacobian and the residual.
 
     Raises:
         SurfaceError: fewer than six rings in the band.
@@ -217,36 +219,44 @@ def fit_bifractal(psd: RadialPsd) -> BiFractal:
     missed = MODEL
     for _ in range(3):
         weights = 1.0 / np.sqrt(scatter + missed)
-        ln_C0, c1, c2, corner = v = _least_squares(x, y, weights)
-        residual = _broken(x, *v) - y
+        v, jacobian, cost = _best_start(x, y, weights)
+        residual = _broken(x, v) - y
         missed = max(float(np.mean(residual**2 - scatter)), 1e-6)
-    spread = np.sum((weights * residual) ** 2) / max(x.size - 4, 1)
+    spread = 2.0 * cost / max(x.size - 4, 1)
+    e = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian) * spread))
+    errors = (float(e[1]), float(e[2]), float(e[3]), float(e[0]))
+    rms = float(np.sqrt(np.mean(residual**2)))
+    q_c, C0 = float(np.exp(v[3])), float(np.exp(v[0]))
+    return BiFractal(float(v[1]), float(v[2]), q_c, C0, psd.band, errors, rms)
+
+
+def _best_start(x: Array, y: Array, weights: Array) -> tuple[Array, Array, float]:
+    """Parameters, Jacobian and cost of the best of several fits with different corners."""
+    fits = []
+    for share in (0.2, 0.35, 0.5, 0.65, 0.8):
+        corner = x[2] + share * (x[-3] - x[2])
+        fits.append(
+            least_squares(
+                lambda v: weights * (_broken(x, v) - y),
+                [*_linear_part(x, y, weights, corner), corner],
+                bounds=([-np.inf] * 3 + [x[2] - 1e-9], [np.inf] * 3 + [x[-3] + 1e-9]),
+                x_scale="jac",
+            )
+        )
+    best = min(fits, key=lambda fit: fit.cost)
+    return best.x, best.jac, float(best.cost)
+
+
+def _broken(x: Array, v: Any) -> Array:
+    """Model ln C(ln q) with v = (ln C0, c1, c2, ln q_c)."""
+    t = x - v[3]
+    return np.asarray(v[0] + np.where(t < 0.0, v[1], v[2]) * t)
+
+
+def _linear_part(x: Array, y: Array, weights: Array, corner: float) -> list[float]:
+    """Best (ln C0, c1, c2) for a fixed corner."""
     t = x - corner
-    jacobian = np.stack([
-        np.minimum(t, 0.0), np.maximum(t, 0.0), -np.where(t < 0.0, c1, c2), np.ones_like(t)
-    ]) * weights  # fmt: skip
-    errors = np.sqrt(np.diag(np.linalg.pinv(jacobian @ jacobian.T) * spread))
-    rms, q_c, C0 = (
-        float(f) for f in (np.sqrt(np.mean(residual**2)), np.exp(corner), np.exp(ln_C0))
-    )
-    return BiFractal(c1, c2, q_c, C0, psd.band, tuple(errors.tolist()), rms)
-
-
-def _least_squares(x: Array, y: Array, weights: Array) -> tuple[float, float, float, float]:
-    """Best (ln C0, c1, c2, ln q_c): at a given corner the others are linear (Golub and Pereyra)."""
-    corners: Array = np.linspace(x[2], x[-3], 65)
-    for _ in range(8):
-        t = x - corners[:, None]
-        columns = np.stack([np.ones_like(t), np.minimum(t, 0.0), np.maximum(t, 0.0)], 1) * weights
-        best = np.linalg.solve(columns @ columns.swapaxes(1, 2), columns @ (weights * y))
-        costs = np.sum((np.einsum("gin,gi->gn", columns, best) - weights * y) ** 2, axis=1)
-        i, step = int(costs.argmin()), float(corners[1] - corners[0])
-        v = (*best[i].tolist(), float(corners[i]))
-        corners = np.clip(v[3] + step * np.linspace(-1.0, 1.0, 33), x[2], x[-3])
-    return v
-
-
-def _broken(x: Array, ln_C0: float, c1: float, c2: float, corner: float) -> Array:
-    """Model ln C(ln q)."""
-    t = x - corner
-    return ln_C0 + np.where(t < 0.0, c1, c2) * t
+    columns = np.stack([np.ones_like(t), np.minimum(t, 0.0), np.maximum(t, 0.0)], axis=1)
+    return [
+        float(c) for c in np.linalg.lstsq(columns * weights[:, None], y * weights, rcond=None)[0]
+    ]
