@@ -1,18 +1,21 @@
 #!/usr/bin/env python3
-"""Laws at the pressures of braking: speed against error, six tables.
+"""Laws at the pressures of braking: speed against error, seven tables.
 
     scripts/bench_laws.py pixels [--surfaces 20]      resolution, with bias and scatter kept apart
     scripts/bench_laws.py hardness [--surfaces 10]    stiffness of loading and of vibrations
     scripts/bench_laws.py grids [--surfaces 4]        a cascade of grids over one grid
     scripts/bench_laws.py range [--surfaces 4]        laws to a low pressure over whole laws
+    scripts/bench_laws.py band [--surfaces 10]        the loads of the band over scans alone
     scripts/bench_laws.py scans                       measured surfaces and artificial ones
     scripts/bench_laws.py direction [--surfaces 12]   isotropic and directional artificial surfaces
 
 ``pixels``: the same surfaces of 804 x 804 pixels, low-passed to fewer ("bias": median and rms of
 k over that of 804 on one grid), then surfaces drawn on each grid ("drawn": median and scatter of
 k). ``range``: the demo's surfaces with and without a hardness; largest error of p, k and v over
-those of the whole law, up to the pressure. ``scans`` reads the folder named by BRAKE_FENICSX_SCANS:
-every window of a scan is pressed, and five artificial surfaces of the same size, spectrum and
+those of the whole law, up to the pressure. ``band``: patches of scans drawn anew, by whole laws
+and pressed at the loads of the band over scans alone: CPU seconds, and errors of k and v over those
+of one grid in small steps. ``scans`` reads the folder named by BRAKE_FENICSX_SCANS: every window of
+a scan is pressed, and five artificial surfaces of the same size, spectrum and
 variance; k at p = 1e-4 E* h'_rms over that of the window. ``direction`` reads it too: k and v at
 0.2 MPa, with a hardness of 200 MPa, of artificial surfaces over those of the scan itself, whole and
 of two quarters, each by its spectrum.
@@ -24,6 +27,7 @@ import argparse
 import logging
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -36,7 +40,15 @@ from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.micro import LawRecipe, LawSettings, LawSteps, make_library
 from brake_fenicsx.micro.law_of_surface import law_steps, low_passed
 from brake_fenicsx.micro.settings import Grids
-from brake_fenicsx.surface import characterise, make_topography, read_topography, synthesise
+from brake_fenicsx.micro.support import PRESSURES as PRESSURES_OF_BAND
+from brake_fenicsx.micro.support import loads_of, stiffness
+from brake_fenicsx.surface import (
+    characterise,
+    make_topography,
+    read_topography,
+    resampled,
+    synthesise,
+)
 from brake_fenicsx.surface.iso25178 import gradients
 from brake_fenicsx.surface.topography import Topography, fill
 
@@ -275,11 +287,45 @@ def ranges(surfaces: int) -> None:
                   f" | {seconds / first:.2f} | {error:.0e} |", flush=True)  # fmt: skip
 
 
+def band(surfaces: int) -> None:
+    """Patches of draws, by whole laws and at the loads of the band alone."""
+    stats = characterise(read_topography(SCAN))
+    print("| hardness [MPa] | pixels | way | scan [s] | law [s] | k: rms | largest | v: rms"
+          " | largest |\n|" + " --- |" * 9)  # fmt: skip
+    for hardness, pixels in ((200e6, 401), (None, 401)):
+        how = LawSettings(E_STAR, hardness=hardness)
+        side, loads = pixels * stats.pixel, loads_of(how)
+        recipe = LawRecipe(stats.spectrum, stats.hdf, how, (pixels, pixels), (side, side))
+        ways = {
+            "truth": ("one", {"only": np.geomspace(loads[0], loads[-1], 150)}),
+            "whole law": ("cascade", {"pressure": 2.0 * PRESSURES_OF_BAND[-1]}),
+            "loads alone": ("cascade", {"only": loads}),
+        }
+        draws, seconds, values = [], [], []
+        for i in range(surfaces):
+            start = time.process_time()
+            other = resampled(stats, np.random.default_rng(i))
+            draws.append(time.process_time() - start)
+            patch = replace(recipe, psd=other.spectrum, hdf=other.hdf).surface(1, i)
+            for grids, at in ways.values():
+                start = time.process_time()
+                law = law_steps(patch, replace(how, grids=grids), **at)
+                seconds.append(time.process_time() - start)
+                values.append(np.log(stiffness(law)))
+        spent, table = np.reshape(seconds, (surfaces, 3)), np.reshape(values, (surfaces, 3, 2, -1))
+        for j, way in enumerate(ways):
+            miss = table[:, j] - table[:, 0]
+            errors = np.stack([np.sqrt(np.mean(miss**2, (0, 2))), np.abs(miss).max((0, 2))], 1)
+            print(f"| {'-' if hardness is None else round(hardness / 1e6)} | {pixels} | {way}"
+                  f" | {np.median(draws):.3f} | {np.median(spent[:, j]):.3f}"
+                  f" | {' | '.join(f'{e:.4f}' for e in errors.ravel())} |", flush=True)  # fmt: skip
+
+
 def main() -> None:
     logging.getLogger("brake_fenicsx").setLevel(logging.ERROR)
     words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     words.add_argument(
-        "table", choices=("pixels", "hardness", "grids", "range", "scans", "direction")
+        "table", choices=("pixels", "hardness", "grids", "range", "band", "scans", "direction")
     )
     words.add_argument("--surfaces", default=20, type=int)
     asked = words.parse_args()
@@ -288,7 +334,7 @@ def main() -> None:
     else:
         tables = {
             "pixels": pixels, "hardness": hardness, "grids": grids, "range": ranges,
-            "direction": direction,
+            "band": band, "direction": direction,
         }  # fmt: skip
         tables[asked.table](asked.surfaces)
 

@@ -1,4 +1,4 @@
-"""Tables of the surface stage: ``python scripts/bench_surface.py [speed | spectra]``.
+"""Tables of the surface stage: ``python scripts/bench_surface.py [speed | spectra | rings]``.
 
 ``speed``: seconds and errors of artificial surfaces, and of the characterisation of scans of known
 statistics with the errors of what comes back. One thread; median wall-clock seconds of one surface.
@@ -6,6 +6,10 @@ statistics with the errors of what comes back. One thread; median wall-clock sec
 ``spectra``: artificial surfaces with the fitted and with the measured spectrum against the scans in
 BRAKE_FENICSX_SCANS and the pad scan: octaves of the spectrum, S_q and rms slope of cuts that are
 levelled like the scan; and the spectrum of ten cuts of a known surface against the truth.
+
+``rings``: what scans show of the pad's spectrum by groups of waves, over every wave by itself:
+CPU seconds of the first time and of the next ones, and the errors of rings; CPU seconds of
+``characterise``.
 """
 
 from __future__ import annotations
@@ -35,6 +39,7 @@ from brake_fenicsx.surface import (  # noqa: E402
     read_topography,
     synthesise,
 )
+from brake_fenicsx.surface import psd as psd_module  # noqa: E402
 from brake_fenicsx.surface.iso25178 import gradients  # noqa: E402
 from brake_fenicsx.surface.topography import form  # noqa: E402
 
@@ -156,11 +161,34 @@ def speed() -> None:
         recovery(n, cut=True)
 
 
+def rings() -> None:
+    """Seconds and errors of ``seen_in_scans``, over the width of its groups."""
+    spectrum = characterise(read_topography(PAD)).spectrum
+    row("pixels", "1 / width", "first [s]", "then [s]", "largest", "rms", "characterise [s]")
+    for n in (256, 512, 1000, 2000):
+        topo = synthesise(spectrum, PAPER.hdf, (n, n), (1e-3, 1e-3), np.random.default_rng(0))
+        topo = make_topography(topo.heights, topo.size)
+        start = time.process_time()
+        characterise(topo)
+        whole, exact = time.process_time() - start, None
+        for width in (1.0 / n, 1.0 / 96, 1.0 / 48, 1.0 / 24):
+            psd_module.GROUP = width
+            psd_module._groups.cache_clear()
+            times = [time.process_time()]
+            for _ in range(2):
+                seen = psd_module.seen_in_scans(spectrum, topo)
+                times.append(time.process_time())
+            exact = seen if exact is None else exact
+            miss, spent = seen / exact - 1.0, np.diff(times)
+            row(n, 1.0 / width, float(spent[0]), float(spent[1]), float(np.abs(miss).max()),
+                float(np.sqrt(np.mean(miss**2))), whole)  # fmt: skip
+
+
 def main() -> None:
     logging.getLogger("brake_fenicsx").setLevel(logging.ERROR)
     words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    words.add_argument("table", choices=("speed", "spectra"), nargs="?", default="speed")
-    {"speed": speed, "spectra": spectra}[words.parse_args().table]()
+    words.add_argument("table", choices=("speed", "spectra", "rings"), nargs="?", default="speed")
+    {"speed": speed, "spectra": spectra, "rings": rings}[words.parse_args().table]()
 
 
 if __name__ == "__main__":

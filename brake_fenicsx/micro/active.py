@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve, cholesky, solve_triangular
 
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.micro.halfspace import Array, HalfSpace, Index, Mask
@@ -30,11 +30,11 @@ class Pixels(Protocol):
     height: Array  # over the mean plane [m], shape (n,)
     most: int  # how many can touch at once; a periodic surface in full contact has no separation
 
-    def influence(self, points: Index) -> Array:
-        """Dense influence of ``points`` on themselves [m], a fresh array."""
+    def influence(self, points: Index, others: Index) -> Array:
+        """Dense influence of ``others`` on ``points`` [m], a fresh array."""
 
-    def gap(self, points: Index, pressure: Array, d: float) -> Array:
-        """Gap [m] of every pixel under the pressures over E* on ``points``, shape (n,)."""
+    def sinking(self, points: Index, pressure: Array) -> Array:
+        """Displacement [m] of every pixel by pressures over E* on ``points``, shape (n,)."""
 
 
 class AllPixels:
@@ -50,15 +50,15 @@ class AllPixels:
         self.height: Array = h.ravel()
         self.most = h.size - (1 if space.boundary == "periodic" else 0)
 
-    def influence(self, points: Index) -> Array:
+    def influence(self, points: Index, others: Index) -> Array:
         """See ``Pixels``."""
-        return self.space.block(points, points)
+        return self.space.block(points, others)
 
-    def gap(self, points: Index, pressure: Array, d: float) -> Array:
+    def sinking(self, points: Index, pressure: Array) -> Array:
         """See ``Pixels``."""
         p = np.zeros(self.height.size)
         p[points] = pressure
-        return np.asarray(self.space.apply(p.reshape(self.space.shape)).ravel() - self.height + d)
+        return self.space.apply(p.reshape(self.space.shape)).ravel()
 
 
 class HighPixels:
@@ -82,17 +82,19 @@ class HighPixels:
         self._row = np.full(address.size, -1)
         self._rows: Array = np.empty((0, address.size))
 
-    def influence(self, points: Index) -> Array:
+    def influence(self, points: Index, others: Index) -> Array:
         """See ``Pixels``."""
         row = self._placed(points)
-        return np.asarray(self._rows[row[:, None], points])
+        return np.asarray(self._rows[row[:, None], others])
 
-    def gap(self, points: Index, pressure: Array, d: float) -> Array:
+    def sinking(self, points: Index, pressure: Array) -> Array:
         """See ``Pixels``."""
         row = self._placed(points)
+        if 4 * row.size < self._known:
+            return np.asarray(pressure @ self._rows[row])
         p = np.zeros(self._known)
         p[row] = pressure
-        return np.asarray(p @ self._rows[: self._known] - self.height + d)
+        return np.asarray(p @ self._rows[: self._known])
 
     def _placed(self, points: Index) -> Index:
         """Places of the points among the rows; missing rows are computed."""
@@ -166,27 +168,27 @@ def active_set(
         return None
     least = ROUND_OFF * cap if np.isfinite(cap) else 0.0
     fewest, patience = height.size + 1, 3
+    pushed, under = np.zeros_like(plastic), np.zeros(height.size)  # what yields, and its sinking
     for iteration in range(1, max_iterations + 1):
         if total is not None and not touching.any():
             _some_elastic(height, touching, plastic, total > cap * np.count_nonzero(plastic))
         points, top = np.flatnonzero(touching), np.flatnonzero(plastic)
         if points.size > most:
             return None
-        push = np.full(top.size, cap)
-        overlap = -pixels.gap(top, push, 0.0) if top.size else height
-        x = _dense_solve(pixels, points, overlap[points])
+        if (changed := np.flatnonzero(plastic != pushed)).size:
+            under += pixels.sinking(changed, np.where(plastic[changed], cap, -cap))
+            pushed = plastic.copy()
+        x = _dense_solve(pixels, points, (height - under)[points])
         if x is None:
             return None
         if total is not None:
-            at = (float(x[0].sum()) + float(push.sum()) - total) / float(x[1].sum())
+            plastic_sum = float(np.full(top.size, cap).sum())
+            at = (float(x[0].sum()) + plastic_sum - total) / float(x[1].sum())
         else:
             assert d is not None
             at = d
         pressure = x[0] - at * x[1]
-        every, pushed = points, pressure
-        if top.size:
-            every, pushed = np.concatenate([points, top]), np.concatenate([pressure, push])
-        gap = pixels.gap(every, pushed, at)
+        gap = under + pixels.sinking(points, pressure) - height + at
         tiny = ROUND_OFF * max(float(height.max()) - at, 0.0)
         # A load of so many pixels at the hardness leaves one at a bound, but for rounding errors.
         opening, yielding = points[pressure < -least], points[pressure > cap + least]
@@ -195,8 +197,9 @@ def active_set(
         moved = [opening, yielding, entering, released]
         wrong = sum(m.size for m in moved)
         if wrong == 0:
-            unit = np.concatenate([x[1], np.zeros(top.size)]) if top.size else x[1]
-            return Touching(every, _clipped(pushed, cap), unit, gap, at, top.size, iteration)
+            every, unit = np.concatenate([points, top]), np.concatenate([x[1], np.zeros(top.size)])
+            pressure = np.concatenate([np.clip(pressure, 0.0, cap), np.full(top.size, cap)])
+            return Touching(every, pressure, unit, gap, at, top.size, iteration)
         if wrong < fewest:
             fewest, patience = wrong, 3
         elif patience > 0:
@@ -211,17 +214,50 @@ def active_set(
     return None
 
 
-def elastic_answer(pixels: Pixels, points: Index) -> float:
-    """Sum of the pressures over E* [1/m] that displace the touching pixels by one, all elastic."""
-    x = _dense_solve(pixels, points, pixels.height[points])
-    if x is None:
-        raise NotConverged("stiffness of the touching pixels: their influence is singular")
-    return float(x[1].sum())
+class ElasticAnswer:
+    """Sum of the pressures over E* [1/m] that displace touching pixels by one, all elastic.
 
+    It is the square of z = L^-1 1 with the Cholesky factor L of their influence, which grows by the
+    pixels that have come into contact; it is made anew where one has opened.
+    """
 
-def _clipped(pressure: Array, cap: float) -> Array:
-    """Pressures without rounding errors beyond the bounds."""
-    return np.clip(pressure, 0.0, cap) if np.isfinite(cap) else pressure
+    def __init__(self) -> None:
+        self._points = np.empty(0, dtype=np.intp)
+        self._factor, self._z = np.empty((0, 0)), np.empty(0)
+
+    def __call__(self, pixels: Pixels, points: Index) -> float:
+        """Answer of these touching pixels.
+
+        Args:
+            pixels: the pixels that can touch, which have the numbers of those of the last call.
+            points: the touching ones.
+        """
+        touching = np.zeros(pixels.height.size, dtype=bool)
+        touching[points] = True
+        if not touching[self._points].all():
+            self.__init__()
+        old = self._points
+        touching[old] = False
+        new = np.flatnonzero(touching)
+        n, m = old.size, new.size
+        if m:
+            left = pixels.influence(new, old).T
+            if n:
+                left = solve_triangular(self._factor, left, lower=True, check_finite=False)
+            corner = pixels.influence(new, new) - left.T @ left
+            try:
+                corner = cholesky(corner, lower=True, overwrite_a=True, check_finite=False)
+            except LinAlgError:
+                raise NotConverged(
+                    "stiffness of the touching pixels: their influence is singular"
+                ) from None
+            factor = np.zeros((n + m, n + m), order="F")
+            factor[:n, :n], factor[n:, :n], factor[n:, n:] = self._factor, left.T, corner
+            rest = 1.0 - left.T @ self._z
+            z = solve_triangular(corner, rest, lower=True, check_finite=False)
+            self._points, self._factor = np.concatenate([old, new]), factor
+            self._z = np.concatenate([self._z, z])
+        return float(self._z @ self._z)
 
 
 def _some_elastic(height: Array, touching: Mask, plastic: Mask, more: bool) -> None:
@@ -239,7 +275,9 @@ def _dense_solve(pixels: Pixels, points: Index, overlap: Array) -> Array | None:
     rhs = np.empty((points.size, 2), order="F")
     rhs[:, 0], rhs[:, 1] = overlap, 1.0
     try:
-        factor = cho_factor(pixels.influence(points).T, overwrite_a=True, check_finite=False)
+        factor = cho_factor(
+            pixels.influence(points, points).T, overwrite_a=True, check_finite=False
+        )
     except LinAlgError:
         return None
     return np.asarray(cho_solve(factor, rhs, overwrite_b=True, check_finite=False).T)

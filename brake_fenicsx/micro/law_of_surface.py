@@ -34,7 +34,7 @@ from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.micro.halfspace import HalfSpace, half_space_of
 from brake_fenicsx.micro.law import Array, ComputedLaw, LawSteps, make_library
 from brake_fenicsx.micro.settings import LawSettings
-from brake_fenicsx.micro.sweep import Step, sweep
+from brake_fenicsx.micro.sweep import Step, given, steps_per_decade, sweep
 from brake_fenicsx.surface.iso25178 import gradients
 from brake_fenicsx.surface.topography import Topography
 
@@ -142,7 +142,12 @@ def doubts(surface: Topography) -> list[str]:
     return [*surface.warnings, *([steep] if slope > 1.0 else [])]
 
 
-def law_steps(surface: Topography, settings: LawSettings, pressure: float = np.inf) -> LawSteps:
+def law_steps(
+    surface: Topography,
+    settings: LawSettings,
+    pressure: float = np.inf,
+    only: Array | None = None,
+) -> LawSteps:
     """Solved points of the law of a rough surface.
 
     Args:
@@ -150,6 +155,7 @@ def law_steps(surface: Topography, settings: LawSettings, pressure: float = np.i
         settings: how it is pressed.
         pressure: mean pressure [Pa] up to which the law is wanted; by default to the highest of
             the settings. Up to it the shorter law is the longer one, digit for digit.
+        only: mean pressures [Pa] that alone are solved, rising; by default those of a whole law.
 
     Raises:
         As ``contact_law``.
@@ -164,13 +170,42 @@ def law_steps(surface: Topography, settings: LawSettings, pressure: float = np.i
     h = surface.heights - surface.heights.mean()
     if not np.isfinite(h).all():
         raise SurfaceError(f"{surface.source}: missing points; fill them before the contact")
-    grids = [h]
-    while settings.grids == "cascade" and surface.periodic and min(h.shape) >= 2 * COARSEST:
-        h = low_passed(h, (h.shape[0] // 2, h.shape[1] // 2))
-        grids.append(h)
-    first = first_load(grids[0], surface, settings)
-    last = min(settings.highest, pressure * _beyond(settings))
-    return with_vibration(_press(grids, surface.size, settings, first, last / settings.E_star))
+    E, highest = settings.E_star, settings.highest
+    if only is None:
+        first, last = (
+            first_load(h, surface, settings),
+            min(highest, pressure * _beyond(settings)) / E,
+        )
+        coarse = max(1, round(settings.steps / np.log10(highest / settings.lowest)))
+        whole = steps_per_decade(max(STEPS_PER_DECADE, coarse), coarse)
+    else:
+        first, last = float(only[0]) / E, float(only[-1]) / E
+    table: Array = np.empty((5, 0))
+    while True:
+        coarser = h.shape[0] // 2, h.shape[1] // 2
+        more = settings.grids == "cascade" and surface.periodic and min(coarser) >= COARSEST
+        stop = round(TOUCHING * h.size / np.prod(coarser)) if more else None
+        space = half_space_of(h, surface.size, settings.boundary)
+        cap = None if settings.hardness is None else settings.hardness / E
+        steps = sweep(
+            space, h, first * h.size, highest / E * h.size,
+            whole if only is None else given(only / E * h.size),
+            settings.tolerance, cap, stop, last * (1.0 - 1e-9) * h.size,
+        )  # fmt: skip
+        rows = _without_bulk(steps, space, settings)
+        if table.size:
+            rows[0] += table[0, -1] - rows[0, 0]
+            rows[3] *= table[3, -1] / rows[3, 0]
+            rows = rows[:, 1:]
+        table = np.concatenate([table, rows], axis=1)
+        first = float(table[1, -1])
+        if not more or first >= last * (1.0 - 1e-9):
+            break
+        h = low_passed(h, coarser)
+    falls = np.concatenate([[True], np.diff(table[0]) < -1e-12 * abs(table[0, 0])])
+    d, p, k, v, area = table[:, falls]
+    v = None if settings.hardness is None else v * E
+    return with_vibration(LawSteps(d, p * E, k * E, v, None, area))
 
 
 def reach(steps: LawSteps, settings: LawSettings, pressure: float = np.inf) -> float:
@@ -210,54 +245,6 @@ def first_load(h: Array, surface: Topography, settings: LawSettings) -> float:
     if not first > 0.0:
         raise SurfaceError(f"{surface.source}: the surface is flat; use a linear law")
     return float(first)
-
-
-def _press(
-    grids: list[Array], size: Array, settings: LawSettings, first: float, last: float
-) -> LawSteps:
-    """Points of the law over a cascade of grids, from the finest on, in Pa.
-
-    Args:
-        grids: heights [m], each with half the pixels along a side of the one before.
-        size: lengths of the patch [m].
-        settings: how it is pressed.
-        first: mean pressure over E* of the first step [-].
-        last: mean pressure over E* to reach or pass [-].
-    """
-    table: Array = np.empty((5, 0))
-    for h, coarser in zip(grids, [*grids[1:], None], strict=True):
-        stop = None if coarser is None else round(TOUCHING * h.size / coarser.size)
-        rows = _rows(h, size, settings, (first, last), stop)
-        if table.size:
-            rows[0] += table[0, -1] - rows[0, 0]
-            rows[3] *= table[3, -1] / rows[3, 0]
-            rows = rows[:, 1:]
-        table = np.concatenate([table, rows], axis=1)
-        first = float(table[1, -1])
-        if first >= last * (1.0 - 1e-9):
-            break
-    falls = np.concatenate([[True], np.diff(table[0]) < -1e-12 * abs(table[0, 0])])
-    d, p, k, v, area = table[:, falls]
-    E = settings.E_star
-    return LawSteps(d, p * E, k * E, None if settings.hardness is None else v * E, None, area)
-
-
-def _rows(
-    h: Array, size: Array, settings: LawSettings, ends: tuple[float, float], stop: int | None
-) -> Array:
-    """Press one grid from a mean pressure over E* to or past another, or to ``stop`` pixels.
-
-    Rows: d [m], p / E* [-], k / E* and v / E* [1/m], touching share [-].
-    """
-    space = half_space_of(h, size, settings.boundary)
-    coarse = max(1, round(settings.steps / np.log10(settings.highest / settings.lowest)))
-    cap = None if settings.hardness is None else settings.hardness / settings.E_star
-    highest = settings.highest / settings.E_star
-    steps = sweep(
-        space, h, ends[0] * h.size, highest * h.size, max(STEPS_PER_DECADE, coarse), coarse,
-        settings.tolerance, cap, stop, ends[1] * (1.0 - 1e-9) * h.size,
-    )  # fmt: skip
-    return _without_bulk(steps, space, settings)
 
 
 def low_passed(h: Array, shape: tuple[int, int]) -> Array:

@@ -16,13 +16,15 @@ import numpy as np
 from scipy.special import stdtrit
 
 from brake_fenicsx.micro.law import Array, LawSteps
-from brake_fenicsx.micro.law_of_surface import law_steps
+from brake_fenicsx.micro.law_of_surface import WIDTH, law_steps
 from brake_fenicsx.micro.library import LawRecipe
-from brake_fenicsx.surface import SurfaceStatistics, resampled
+from brake_fenicsx.micro.settings import LawSettings
+from brake_fenicsx.surface import SurfaceStatistics, Topography, resampled
 
 PRESSURES = (0.05e6, 0.1e6, 0.2e6, 0.4e6)  # of braking [Pa]
 FEW_PIXELS = 100  # of a scan, below which a law hangs on single summits
 COMMON = 2  # patches that all draws have, of random numbers of their own
+ELASTIC = 50  # loads of the line through an elastic law
 WINDOW = 0.15  # relative half-width of pressure over which a secant is taken
 
 
@@ -68,7 +70,7 @@ class LawSupport:
 
 
 def drawn_law(recipe: LawRecipe, stats: SurfaceStatistics, seed: int, number: int) -> Array:
-    """Patches of one scan drawn anew, pressed to the highest of ``PRESSURES``.
+    """Patches of one scan drawn anew, pressed to ``PRESSURES``.
 
     Args:
         recipe: what all laws share.
@@ -82,16 +84,33 @@ def drawn_law(recipe: LawRecipe, stats: SurfaceStatistics, seed: int, number: in
     """
     child = np.random.SeedSequence(seed, spawn_key=(number, 1))
     other = resampled(stats, np.random.default_rng(child))
-    top = min(2.0 * max(PRESSURES), recipe.settings.highest)
-    settings = replace(recipe.settings, max_pressure=top)
-    drawn = replace(recipe, psd=other.spectrum, hdf=other.hdf)
+    drawn, loads = replace(recipe, psd=other.spectrum, hdf=other.hdf), loads_of(recipe.settings)
+
+    def press(patch: Topography) -> LawSteps:
+        return law_steps(patch, recipe.settings, only=loads)
+
     topo = drawn.surface(seed, COMMON + number)
-    steps = law_steps(topo, settings)
+    steps = press(topo)
     S_q = float(topo.heights.std())
     scan = [stats.pixels_above(d, S_q) for d in _at(steps, steps.d)]
     grid = _at(steps, steps.area) * topo.heights.size
-    common = [stiffness(law_steps(drawn.surface(seed, i), settings)) for i in range(COMMON)]
+    common = [stiffness(press(drawn.surface(seed, i))) for i in range(COMMON)]
     return np.stack([scan, grid, *stiffness(steps), *np.concatenate(common)])
+
+
+def loads_of(settings: LawSettings) -> Array:
+    """Mean pressures [Pa] that the stiffnesses at ``PRESSURES`` are read from, rising.
+
+    Under a hardness these and the ends of the secants; the vibration stiffness of an elastic
+    surface is the slope of a line through many.
+    """
+    p = np.array(PRESSURES)
+    if settings.hardness is None:
+        beyond = np.exp(0.5 * WIDTH)
+        loads = np.geomspace(p[0] / beyond, p[-1] * beyond, ELASTIC)
+    else:
+        loads = np.sort(np.outer([1.0 - WINDOW, 1.0, 1.0 + WINDOW], p).ravel())
+    return np.append(loads[:-1][loads[:-1] < settings.highest], min(loads[-1], settings.highest))
 
 
 def law_support(draws: Sequence[Array], laws: Sequence[LawSteps]) -> LawSupport:

@@ -8,6 +8,7 @@ set does not settle or a plateau touches at once.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,11 +16,11 @@ import numpy as np
 from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.micro.active import (
     AllPixels,
+    ElasticAnswer,
     HighPixels,
     Pixels,
     Touching,
     active_set,
-    elastic_answer,
 )
 from brake_fenicsx.micro.halfspace import Array, HalfSpace, Index
 from brake_fenicsx.micro.loading import dense, first_guess
@@ -54,20 +55,28 @@ class Step:
     gap: float
 
 
+Loads = Callable[[float, int], float]  # the next sum of pressures, of the last and its pixels
+
+
 def sweep(
-    space: HalfSpace, h: Array, lowest: float, highest: float, fine: int, coarse: int,
-    tolerance: float, hardness: float | None = None, stop: int | None = None,
+    space: HalfSpace,
+    h: Array,
+    lowest: float,
+    highest: float,
+    following: Loads,
+    tolerance: float,
+    hardness: float | None = None,
+    stop: int | None = None,
     enough: float = np.inf,
-) -> list[Step]:  # fmt: skip
-    """Press a surface from one touching pixel to a high load.
+) -> list[Step]:
+    """Press a surface step by step, from one touching pixel or more to a high load.
 
     Args:
         space: the half-space.
         h: heights over their mean [m], shape (nx, ny).
         lowest: first sum of pressures over E* [-].
         highest: sum to reach or pass [-]; under a hardness to reach.
-        fine: steps per decade of load while few pixels touch; fewer from 100 on.
-        coarse: steps per decade when many touch.
+        following: the next sum of pressures, of the last one and the number of touching pixels.
         tolerance: of the certificate of each step [-].
         hardness: pressure over E* at which a pixel yields [-]; None for an elastic surface.
         stop: end where more pixels than these touch; None to go on to ``highest``.
@@ -91,48 +100,63 @@ def sweep(
             "hardness must be higher; lower the highest pressure of the law"
         )
     limit = h.size if stop is None else stop
-    rates = fine, coarse
     few = dense(h.size) if stop is None else min(stop, 2 * dense(h.size))
     end = min(enough, highest * (1.0 - 1e-9))
-    steps, reached = _few_steps(space, h, lowest, highest, rates, tolerance, cap, few, end)
+    steps, reached = _few_steps(space, h, lowest, highest, following, tolerance, cap, few, end)
     if steps[-1].total >= end or _closed(space, steps[-1]):
         return steps
     return steps + _many_steps(
-        space, h, highest, rates, tolerance, steps[-1], reached, cap, limit, end
+        space, h, highest, following, tolerance, steps[-1], reached, cap, limit, end
     )
 
 
 def _few_steps(
-    space: HalfSpace, h: Array, lowest: float, highest: float, rates: tuple[int, int],
+    space: HalfSpace, h: Array, lowest: float, highest: float, following: Loads,
     tolerance: float, cap: float, most: int, end: float,
 ) -> tuple[list[Step], tuple[Array, Array]]:  # fmt: skip
-    """Steps of equal ratio in the load with the active set, to ``end`` or ``most`` pixels."""
+    """Steps with the active set, to ``end`` or ``most`` pixels."""
     order = _highest_first(h)
-    pixels = _highest(space, h, order, 64)
-    contact = Touching(np.array([0]), np.zeros(1), np.zeros(1), h, 0.0, 0, 0)
-    contact = _translate(pixels, order, contact)
-    steps: list[Step] = []
     total = min(lowest, highest)
+    yielding = int(total / cap)  # the highest pixels, and the next one
+    pixels = _highest(space, h, order, max(64, 4 * yielding))
+    start, none = np.append(yielding, np.arange(yielding)), np.zeros(yielding + 1)
+    contact = _translate(pixels, order, Touching(start, none, none, h, 0.0, yielding, 0))
+    steps: list[Step] = []
+    answer = ElasticAnswer()
     while True:
         solved = _by_active_set(pixels, total, contact, cap, h.size)
         while isinstance(pixels, HighPixels) and not _suffice(pixels, h, order, solved):
             pixels = _highest(space, h, order, 2 * pixels.height.size)
             contact = _translate(pixels, order, contact)
+            answer = answer if isinstance(pixels, HighPixels) else ElasticAnswer()
             solved = _by_active_set(pixels, total, contact, cap, h.size)
         if solved is None:  # the pixels are all of them by now
             last = _spread(pixels, contact, h, order)[0] if steps else None
             solved = _by_gradients(space, h, total, last, tolerance, cap)
         contact = solved
-        steps.append(_few_step(space, pixels, contact, total, tolerance, cap))
+        steps.append(_few_step(space, pixels, contact, total, tolerance, cap, answer))
         if total >= end or contact.points.size > most or _closed(space, steps[-1]):
             return steps, _spread(pixels, contact, h, order)
-        total = min(total * _ratio(rates, contact.points.size), highest)
+        total = min(following(total, contact.points.size), highest)
 
 
-def _ratio(rates: tuple[int, int], touching: int) -> float:
-    """Ratio of the next load: a corner of the law weighs the less, the more pixels touch."""
-    fine, coarse = rates
-    return float(10.0 ** (1.0 / max(coarse, fine * min(1.0, CORNERS / touching))))
+def steps_per_decade(fine: float, coarse: float) -> Loads:
+    """Loads of a whole law: a corner of the law weighs the less, the more pixels touch.
+
+    Args:
+        fine: steps per decade of load while few pixels touch; fewer from 300 on.
+        coarse: steps per decade when many touch.
+    """
+
+    def following(total: float, touching: int) -> float:
+        return float(total * 10.0 ** (1.0 / max(coarse, fine * min(1.0, CORNERS / touching))))
+
+    return following
+
+
+def given(loads: Array) -> Loads:
+    """These sums of pressures alone, rising."""
+    return lambda total, _: float(loads[np.searchsorted(loads, total * (1.0 + 1e-9))])
 
 
 def _closed(space: HalfSpace, step: Step) -> bool:
@@ -191,8 +215,9 @@ def _by_gradients(
 
 
 def _few_step(
-    space: HalfSpace, pixels: Pixels, solved: Touching, total: float, tolerance: float, cap: float
-) -> Step:
+    space: HalfSpace, pixels: Pixels, solved: Touching, total: float, tolerance: float, cap: float,
+    answer: ElasticAnswer,
+) -> Step:  # fmt: skip
     """Record of an active-set solution, with its certificate."""
     p = np.zeros(pixels.height.size)
     p[solved.points] = solved.pressure
@@ -201,7 +226,7 @@ def _few_step(
         raise NotConverged(f"active set: certificate {gap:.2g}, wanted {tolerance:.2g}")
     stiffness = vibration = float(solved.unit.sum())
     if solved.plastic:
-        vibration = elastic_answer(pixels, solved.points)
+        vibration = answer(pixels, solved.points)
     return Step(solved.d, total, stiffness, vibration, solved.points.size, gap)
 
 
@@ -214,7 +239,7 @@ def _spread(pixels: Pixels, contact: Touching, h: Array, order: Index) -> tuple[
 
 
 def _many_steps(
-    space: HalfSpace, h: Array, highest: float, rates: tuple[int, int], tolerance: float,
+    space: HalfSpace, h: Array, highest: float, following: Loads, tolerance: float,
     last: Step, reached: tuple[Array, Array], cap: float, limit: int, end: float,
 ) -> list[Step]:  # fmt: skip
     """Continue at given loads with conjugate gradients."""
@@ -222,7 +247,7 @@ def _many_steps(
     p, unit = reached
     whole = unit
     while last.total < end and last.touching <= limit and not _closed(space, last):
-        total = min(last.total * _ratio(rates, last.touching), highest)
+        total = min(following(last.total, last.touching), highest)
         guess = np.maximum(p + (total - last.total) / last.stiffness * unit, 0.0)
         solved = projected_cg(space, h, None, total, guess, tolerance, cap=cap)
         p = solved.p

@@ -1,7 +1,7 @@
 """Statistics of a surface as another scan of it would give them.
 
 The other scan is a cut of an artificial surface of the same statistics, twice as long as the scan:
-it has the scatter of long waves and of few summits, and is levelled and characterised like the scan
+it has the scatter of long waves and of few summits, and is levelled and described like the scan
 (parametric bootstrap). Tiles of the scan drawn with replacement, the block bootstrap, scatter half
 as much as scans do: a scan holds few of its own longest waves.
 
@@ -16,14 +16,15 @@ from dataclasses import replace
 import numpy as np
 
 from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.surface.hdf import moments, pooled
 from brake_fenicsx.surface.record import SurfaceStatistics
-from brake_fenicsx.surface.statistics import averaged, characterise
+from brake_fenicsx.surface.statistics import described
 from brake_fenicsx.surface.synthesis import synthesise
-from brake_fenicsx.surface.topography import Topography
+from brake_fenicsx.surface.topography import Topography, form
 
 
 def resampled(stats: SurfaceStatistics, rng: np.random.Generator) -> SurfaceStatistics:
-    """Statistics of as many other scans as they were taken from.
+    """Statistics of as many other scans as they were taken from, without errors and doubts.
 
     Args:
         stats: statistics of scans.
@@ -36,17 +37,19 @@ def resampled(stats: SurfaceStatistics, rng: np.random.Generator) -> SurfaceStat
         raise SurfaceError("statistics given by numbers have no scan that could be drawn anew")
     kind = "fit" if stats.spectrum.misfit is None else "measured"
     kind = kind if stats.spectrum.lay is None else "directional"
-    cutoff = 2.0 * np.pi / stats.psd.band[1]
-    each = kind if len(stats.topographies) == 1 else "fit"
-    scans = [
-        characterise(
-            _other(stats, one, rng), stats.level, "none", cutoff=cutoff,
-            distribution=stats.hdf.name, spectrum=each,
-        )
-        for one in stats.each
-    ]  # fmt: skip
-    found = averaged(scans, cutoff, stats.hdf.name, kind)
-    return replace(found, spectrum=replace(found.spectrum, form=stats.spectrum.form))
+    scans = []
+    for one in stats.each:
+        scan = _other(stats, one, rng)
+        heights = scan.heights - form(scan, stats.level)
+        scans.append(replace(scan, heights=heights - np.nanmean(heights)))
+    heights = pooled([scan.heights for scan in scans])
+    cutoff, no_errors = 2.0 * np.pi / stats.psd.band[1], (np.nan,) * 4
+    found = described(scans, stats.level, cutoff, stats.hdf.name, kind)
+    found["spectrum"] = replace(found["spectrum"], form=stats.spectrum.form)
+    mean, *three = moments(heights)
+    return SurfaceStatistics(
+        mean, float(np.median(heights)), *three, no_errors, **found, level=stats.level
+    )
 
 
 def _other(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label, maximum_filter
@@ -29,13 +27,15 @@ def pile_at_an_end(heights: Array) -> tuple[int, float] | None:
     Returns:
         How many points, and their height [m]; None if there is no such pile.
     """
-    values, many = np.unique(heights[np.isfinite(heights)], return_counts=True)
-    if values.size < 3:
-        return None
-    ends: Any = ((many[0], many[1], values[0]), (many[-1], many[-2], values[-1]))
-    for count, beside, value in ends:
-        if count >= MANY and count > TIMES * beside:
-            return int(count), float(value)
+    z = heights[np.isfinite(heights)]
+    for end, inwards in ((z.min(), z > z.min()), (z.max(), z < z.max())):
+        rest = z[inwards]
+        if not rest.size or rest.min() == rest.max():
+            return None
+        beside = rest.min() if end < rest[0] else rest.max()
+        count = z.size - rest.size
+        if count >= MANY and count > TIMES * np.count_nonzero(rest == beside):
+            return int(count), float(end)
     return None
 
 
@@ -53,8 +53,10 @@ def gap_in_the_heights(heights: Array) -> tuple[float, float] | None:
     low, high = np.nanpercentile(heights, [1.0, 99.0])
     z = np.sort(heights[(heights >= low) & (heights <= high)])
     widths = np.diff(z)
-    order = np.argsort(widths)[-2:]
-    if order.size < 2 or widths[order[1]] <= max(EMPTY * (high - low), TIMES * widths[order[0]]):
+    if widths.size < 2:
+        return None
+    order = np.argpartition(widths, widths.size - 2)[-2:]
+    if widths[order[1]] <= max(EMPTY * (high - low), TIMES * widths[order[0]]):
         return None
     return float(z[order[1]]), float(z[order[1] + 1])
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,30 +25,6 @@ from scipy.stats import gaussian_kde, johnsonsb, johnsonsu, norm
 from brake_fenicsx.errors import SurfaceError
 
 Array = NDArray[np.float64]
-
-
-class HeightDistribution(Protocol):
-    """P(z) of the heights about their mean plane."""
-
-    def __hash__(self) -> int:
-        """Distributions are keys of what is prepared once for many surfaces."""
-
-    @property
-    def name(self) -> str:
-        """``"measured"``, ``"johnson"`` or ``"normal"``."""
-
-    @property
-    def S_q(self) -> float:
-        """Root-mean-square height [m]."""
-
-    def pdf(self, z: Array) -> Array:
-        """Probability density [1/m] at heights ``z`` [m] above the mean plane."""
-
-    def ppf(self, u: Array) -> Array:
-        """Height [m] below which a share ``u`` of the surface lies."""
-
-    def sample(self, n: int, rng: np.random.Generator) -> Array:
-        """Draw ``n`` independent heights [m]."""
 
 
 TAIL = 0.1  # share of the heights that follow the smooth tail at most
@@ -164,6 +140,9 @@ class Measured:
     def pdf(self, z: Array) -> Array:
         """Probability density [1/m] at heights ``z`` [m], by a kernel density estimate."""
         return kernel_density(self.sorted_heights, np.asarray(z, dtype=float))
+
+
+HeightDistribution = Johnson | Measured  # P(z) of the heights about their mean plane
 
 
 def measured(scans: Sequence[Array]) -> Measured:

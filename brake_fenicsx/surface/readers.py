@@ -65,9 +65,11 @@ def read_topography(
         height_unit = _metres(height_unit, str(file))
     one_of(f"{file}: rows", rows, ("x", "y"))
     readers = {
-        ".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".tmd": _read_truemap,
-        ".sdf": _read_sdf, ".x3p": read_x3p,
-    }  # fmt: skip
+        **dict.fromkeys((".npz", ".h5", ".hdf5"), _read_arrays),
+        ".tmd": _read_truemap,
+        ".sdf": _read_sdf,
+        ".x3p": read_x3p,
+    }
     read, kind = readers.get(file.suffix.lower()), ""
     if read is not None:
         heights, sides = read(file, height_unit)
@@ -123,27 +125,16 @@ def _metres(unit: str | float, source: str) -> float:
 Read = tuple[NDArray[Any], Any]
 
 
-def _read_npz(file: Path, unit: float | None) -> Read:
-    """Own format: ``heights`` (times ``scale`` [m] if there is one, 1 m if not), ``size`` [m]."""
-    with reading(file, "as an npz file", kind=SurfaceError):
-        return _from_arrays(file, read_npz(file, OWN), npz_names(file), unit)
-
-
-def _read_hdf5(file: Path, unit: float | None) -> Read:
-    """Own format in HDF5: data sets ``heights``, ``size`` and ``scale`` as in npz."""
-    with reading(file, "as an HDF5 file", kind=SurfaceError):
-        arrays = read_hdf5(file, OWN)
+def _read_arrays(file: Path, unit: float | None) -> Read:
+    """Own format, npz or HDF5: ``heights`` (times ``scale`` [m], 1 m if not given), ``size``."""
+    npz = file.suffix.lower() == ".npz"
+    with reading(file, "as an npz file" if npz else "as an HDF5 file", kind=SurfaceError):
+        arrays = (read_npz if npz else read_hdf5)(file, OWN)
     if "heights" not in arrays:
-        return _read_instrument(file, unit, None, None)
-    return _from_arrays(file, arrays, [*arrays], unit)
-
-
-def _from_arrays(
-    file: Path, arrays: dict[str, NDArray[Any]], names: list[str], unit: float | None
-) -> Read:
-    """Heights [m] and size [m] of the arrays of an npz or HDF5 file."""
-    if "heights" not in arrays:
-        raise SurfaceError(f"{file}: no array 'heights' (found: {', '.join(names) or 'nothing'})")
+        if not npz:
+            return _read_instrument(file, unit, None, None)
+        found = ", ".join(npz_names(file)) or "nothing"
+        raise SurfaceError(f"{file}: no array 'heights' (found: {found})")
     raw = arrays["heights"]
     heights = real(f"{file}: heights", raw)
     if raw.dtype == np.int16:

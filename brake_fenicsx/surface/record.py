@@ -96,8 +96,9 @@ class SurfaceStatistics:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is doubtful about the statistics, one line each."""
-        return _doubtful(self)
+        """What is doubtful about the statistics, one line each with its remedy."""
+        lines = [line for one in self.each for line in (*one.doubts, *_lost(one))]
+        return (*lines, *_spectrum(self), *_form(self))
 
     @property
     def heights(self) -> Array:
@@ -114,12 +115,6 @@ class SurfaceStatistics:
             S_q: root-mean-square height of the artificial surfaces [m].
         """
         return int(np.count_nonzero(self.heights * S_q > height * self.hdf.S_q))
-
-
-def _doubtful(stats: SurfaceStatistics) -> tuple[str, ...]:
-    """What is doubtful about statistics of scans, or given ones, one line each with its remedy."""
-    lines = [line for one in stats.each for line in (*one.doubts, *_lost(one))]
-    return (*lines, *_spectrum(stats), *_direction(stats), *_form(stats))
 
 
 def _lost(stats: SurfaceStatistics) -> Iterator[str]:
@@ -177,8 +172,8 @@ def _spectrum(stats: SurfaceStatistics) -> Iterator[str]:
         yield f"artificial surfaces as large as the scan have {times:.2f} times its S_q: {cause}"
 
 
-def _direction(stats: SurfaceStatistics) -> Iterator[str]:
-    """Isotropic surfaces that stand for a scan with a direction."""
+def _form(stats: SurfaceStatistics) -> Iterator[str]:
+    """A direction that isotropic surfaces lack, and a bow or bend that was not removed."""
     if stats.anisotropy > DIRECTED and stats.spectrum.lay is None:
         grooves = np.degrees(stats.direction) % 180.0 - 90.0
         yield (
@@ -186,10 +181,6 @@ def _direction(stats: SurfaceStatistics) -> Iterator[str]:
             f" {stats.anisotropy:.2f}; the artificial surfaces have none: write surface.spectrum ="
             ' "directional"'
         )
-
-
-def _form(stats: SurfaceStatistics) -> Iterator[str]:
-    """A bow or bend that was not removed."""
     if stats.level != "second-order" and stats.curvature > FORM:
         yield (
             f"level = {stats.level!r} leaves a bow or bend with {stats.curvature:.0%} of the"

@@ -7,7 +7,8 @@ thus continued alike: as power laws, or constant below the band.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,13 @@ from scipy.optimize import brentq, least_squares
 from brake_fenicsx.arguments import one_of
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.lay import Lay, lay_of
-from brake_fenicsx.surface.psd import RadialPsd, half_plane_weights, seen_in_scans, wave_vectors
+from brake_fenicsx.surface.psd import (
+    RadialPsd,
+    half_plane_weights,
+    of_equal_length,
+    seen_in_scans,
+    wave_vectors,
+)
 from brake_fenicsx.surface.topography import Scans, Topography, first
 
 Array = NDArray[np.float64]
@@ -70,12 +77,11 @@ class BiFractal:
         one_of("low", low, LOW)
         q = np.asarray(q, dtype=float)
         x = np.where(q > 0.0, q, self.q_c)
-        if low == "flat":
-            x = np.maximum(x, self.band[0])
-        r = x / self.q_c
-        C = self.C0 * np.where(r < 1.0, r**self.c1, r**self.c2)
+        ln_q = np.log(np.maximum(x, self.band[0]) if low == "flat" else x)
+        ln_C = _broken(ln_q, (np.log(self.C0), self.c1, self.c2, np.log(self.q_c)))
         if self.misfit is not None:
-            C = C * np.exp(np.interp(np.log(x), *self.misfit))
+            ln_C += np.interp(ln_q, *self.misfit)
+        C = np.exp(ln_C)
         if self.form is not None:
             C = np.where(q < self.band[0], self.form(q, low), C)
         return np.where(q > 0.0, C, 0.0)
@@ -129,13 +135,15 @@ def spectrum_of(scans: Scans, psd: RadialPsd, fit: BiFractal, kind: str) -> BiFr
     x = np.log(psd.q[use])
     width = np.hypot(SMOOTH, WINDOW * psd.q[0] / psd.q[use])[:, None]
     kernel = np.exp(-0.5 * ((x[:, None] - x) / width) ** 2) * (psd.q * np.gradient(psd.q))[use]
+    every = [scans] if isinstance(scans, Topography) else scans
+    variance = float(np.mean([np.nanvar(scan.heights) for scan in every]))
     found, ln_ratio = fit, np.zeros(x.size)
     for _ in range(ITERATIONS):
         seen = seen_in_scans(partial(found, low="flat"), first(scans))[use]
         ln_ratio = ln_ratio + np.log((kernel @ psd.C[use]) / (kernel @ seen))
         found = replace(fit, misfit=(tuple(map(float, x)), tuple(map(float, ln_ratio))))
         if not first(scans).periodic:
-            found = _closed(found, scans)
+            found = _closed(found, first(scans), variance)
     return found
 
 
@@ -147,18 +155,30 @@ def variance_on(spectrum: BiFractal, topo: Topography, below: float = np.inf) ->
         topo: the scan.
         below: wave number that the waves stay below [rad/m].
     """
-    qx, qy = np.broadcast_arrays(*wave_vectors(topo.shape, topo.size))
-    counted = np.hypot(qx, qy) < below
-    weights = np.broadcast_to(half_plane_weights(topo.shape), qx.shape)[counted]
-    cell = 4.0 * np.pi**2 / float(np.prod(topo.size))
-    return float(weights @ spectrum.on(qx[counted], qy[counted], "flat")) * cell
+    q, weights = _wave_numbers(topo.shape, (float(topo.size[0]), float(topo.size[1])), spectrum.lay)
+    counted = q < below
+    return float(weights[counted] @ spectrum(q[counted], "flat"))
 
 
-def _closed(found: BiFractal, scans: Scans) -> BiFractal:
-    """A spectrum whose long waves bring the variance of periodic surfaces to that of scans."""
-    every = [scans] if isinstance(scans, Topography) else scans
-    wanted = float(np.mean([np.nanvar(scan.heights) for scan in every]))
-    (x, ln_ratio), topo = found.misfit or ((), ()), first(scans)
+@lru_cache(maxsize=4)
+def _wave_numbers(
+    shape: tuple[int, int], size: tuple[float, float], lay: Lay | None
+) -> tuple[Array, Array]:
+    """Wave numbers of periodic surfaces [rad/m], and the variance that unit density has there.
+
+    Wave vectors of nearly the same length count as one.
+    """
+    qx, qy = wave_vectors(shape, np.array(size))
+    weights = half_plane_weights(shape) * (4.0 * np.pi**2 / np.prod(size))
+    weights = np.outer(np.ones(shape[0]), weights) if lay is None else weights * lay(qx, qy)
+    ln_q, weights = np.log(np.hypot(qx, qy).ravel()[1:]), weights.ravel()[1:]
+    place, middles = of_equal_length(ln_q)
+    return np.exp(middles), np.bincount(place, weights)
+
+
+def _closed(found: BiFractal, topo: Topography, wanted: float) -> BiFractal:
+    """A spectrum whose long waves bring the variance of periodic surfaces to a wanted one [m^2]."""
+    x, ln_ratio = found.misfit or ((), ())
     longest = 2.0 * np.pi / float(topo.size.max())
 
     def with_level(change: float) -> BiFractal:
@@ -227,10 +247,10 @@ def _best_start(x: Array, y: Array, weights: Array) -> tuple[Array, Array, float
     return best.x, best.jac, float(best.cost)
 
 
-def _broken(x: Array, v: Array) -> Array:
+def _broken(x: Array, v: Any) -> Array:
     """Model ln C(ln q) with v = (ln C0, c1, c2, ln q_c)."""
     t = x - v[3]
-    return v[0] + np.where(t < 0.0, v[1], v[2]) * t
+    return np.asarray(v[0] + np.where(t < 0.0, v[1], v[2]) * t)
 
 
 def _linear_part(x: Array, y: Array, weights: Array, corner: float) -> list[float]:

@@ -64,7 +64,7 @@ def characterise(
     return SurfaceStatistics(
         mean=zero, median=zero + float(np.median(h)) - mean, S_q=S_q, S_sk=S_sk, S_ku=S_ku,
         errors=_moment_errors(levelled),
-        **_described([complete], level, cutoff, distribution, spectrum),
+        **described([complete], level, cutoff, distribution, spectrum),
         topography=levelled, level=level, missing=missing, lost=lost, outliers=marked,
         curvature=0.0 if topo.periodic else float(bow), doubts=implausible(topo),
     )  # fmt: skip
@@ -96,7 +96,7 @@ def averaged(
     return SurfaceStatistics(
         mean=float(each[:, 0].mean()), median=float(each[:, 4].mean()), errors=_four(errors),
         S_q=S_q, S_sk=S_sk, S_ku=S_ku,
-        **_described(topos, scans[0].level, cutoff, distribution, spectrum),
+        **described(topos, scans[0].level, cutoff, distribution, spectrum),
         level=scans[0].level, missing=sum(s.missing for s in scans),
         outliers=sum(s.outliers for s in scans), curvature=max(s.curvature for s in scans),
         scans=tuple(scans),
@@ -115,10 +115,18 @@ def _counted(topo: Topography, lost: str) -> Topography:
     return replace(topo, heights=filled - filled.mean())
 
 
-def _described(
+def described(
     scans: Sequence[Topography], level: str, cutoff: float | None, distribution: str, spectrum: str
 ) -> dict[str, Any]:
-    """Distribution and spectra of levelled scans of one surface, by their names."""
+    """Distribution and spectra of levelled scans of one surface together, by their names.
+
+    Args:
+        scans: levelled scans on one grid.
+        level: form that was removed.
+        cutoff: as for ``characterise``.
+        distribution: as for ``characterise``.
+        spectrum: as for ``characterise``.
+    """
     one_of("distribution", distribution, DISTRIBUTIONS)
     heights = [t.heights for t in scans]
     psd = without_holes(
@@ -198,10 +206,18 @@ def _moment_errors(topo: Topography, blocks: int = 4) -> tuple[float, float, flo
         np.arange(topo.shape[1]) * blocks // topo.shape[1],
     )[topo.valid]
     h = topo.heights[topo.valid]
-    values = np.array([moments(h[tile != k]) for k in np.unique(tile)])
+    spread = h.std()
+    z = (h - h.mean()) / spread
+    sums = np.array([np.bincount(tile, z**k, blocks**2) for k in range(5)])
+    sums = (sums.sum(axis=1)[:, None] - sums)[:, sums[0] > 0]
+    one, two, three, four = sums[1:] / sums[0]
+    variance = two - one**2
+    third = three - 3.0 * one * two + 2.0 * one**3
+    fourth = four - 4.0 * one * three + 6.0 * one**2 * two - 3.0 * one**4
+    S_q = np.sqrt(variance)
+    values = np.array([spread * one, spread * S_q, third / S_q**3, fourth / variance**2]).T
     n = len(values)
-    spread = np.sqrt((n - 1) / n * np.sum((values - values.mean(axis=0)) ** 2, axis=0))
-    return _four(spread)
+    return _four(np.sqrt((n - 1) / n * np.sum((values - values.mean(axis=0)) ** 2, axis=0)))
 
 
 def _four(values: Array) -> tuple[float, float, float, float]:

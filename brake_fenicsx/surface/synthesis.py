@@ -69,8 +69,7 @@ class TranslationField:
     def sample(self, rng: np.random.Generator) -> Array:
         """One surface of unit variance in the mean of the family [-], shape (nx, ny)."""
         noise = scipy.fft.rfft2(rng.standard_normal(self.shape))
-        gaussian = scipy.fft.irfft2(noise * self.amplitude, s=self.shape)
-        return np.asarray(np.interp(gaussian, self.x, self.z))
+        return _on_even(scipy.fft.irfft2(noise * self.amplitude, s=self.shape), self.x, self.z)
 
 
 def translation_field(
@@ -105,8 +104,7 @@ def translation_field(
         gaussian = np.maximum(gaussian, 0.0)
         gaussian[0, 0] = 0.0
         gaussian /= float((weights * gaussian).sum())
-        mapped = _polynomial.polyval(_correlation(gaussian, shape), powers)
-        translated = _spectrum(mapped, shape)
+        translated = _spectrum(_on_even(_correlation(gaussian, shape), r, g), shape)
         asked, got = (np.bincount(ring, (slopes * a).ravel()) for a in (wanted, translated))
         missed = np.divide(got - asked, asked, out=np.zeros_like(got), where=asked > 0.0)
         error = float(np.sqrt(asked @ missed**2 / asked.sum()))
@@ -118,6 +116,13 @@ def translation_field(
         gaussian = gaussian * np.clip(ratio, 0.5, 2.0)
     amplitude = np.asarray(np.sqrt(best * (shape[0] * shape[1])), float)
     return TranslationField(amplitude, x, z, shape, lowest, slope)
+
+
+def _on_even(at: Array, x: Array, y: Array) -> Array:
+    """Values between those of a table with an even step, whose ends hold beyond it."""
+    place = np.clip((at - x[0]) / (x[1] - x[0]), 0.0, x.size - 1.0)
+    left = np.minimum(place.astype(np.intp), x.size - 2)
+    return np.asarray(y[left] + (place - left) * np.diff(y)[left])
 
 
 def expansion(hdf: HeightDistribution, x: Array) -> tuple[Array, Array]:

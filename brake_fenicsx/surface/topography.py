@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.sparse.linalg import splu
 
 from brake_fenicsx.arguments import one_of, positive, real
@@ -177,19 +178,23 @@ def form(topo: Topography, level: str) -> Array:
     one_of("level", level, LEVELS)
     if level == "none":
         return np.zeros(topo.shape)
-    x, y = (np.linspace(-1.0, 1.0, n) for n in topo.shape)
     order = {"mean": 0, "plane": 1, "second-order": 2}[level]
-    powers = [(i, j) for i in range(order + 1) for j in range(order + 1 - i)]
-    terms = np.stack([np.outer(x**i, y**j) for i, j in powers], axis=-1)
+    # Products of Legendre polynomials, which are all but independent.
+    x, y = (np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, n), order) for n in topo.shape)
+    i, j = np.array([(i, k - i) for k in range(order + 1) for i in range(k + 1)]).T
     inside = topo.valid
-    if inside.sum() < len(powers):
+    if inside.sum() < i.size:
         raise SurfaceError(
             f"{topo.source}: {inside.sum()} valid points cannot carry level = {level!r}"
         )
-    h = topo.heights[inside]
-    middle = h.mean()  # taken off first: an instrument's zero may be far away
-    coefficients = np.linalg.lstsq(terms[inside], h - middle, rcond=None)[0]
-    return np.asarray(terms @ coefficients + middle)
+    middle = topo.heights[inside].mean()  # taken off first: an instrument's zero may be far away
+    h = np.where(inside, topo.heights - middle, 0.0)
+    products = np.einsum("xi,xk->xik", x, x), np.einsum("yj,yl->yjl", y, y)
+    gram = np.einsum("xik,xjl->ijkl", products[0], np.tensordot(inside, products[1], 1))
+    coefficients = np.zeros((order + 1, order + 1))
+    rhs = (x.T @ h @ y)[i, j]
+    coefficients[i, j] = np.linalg.lstsq(gram[i, j][:, i, j], rhs, rcond=None)[0]
+    return np.asarray(x @ coefficients @ y.T + middle)
 
 
 def outliers(heights: Array, rule: str = "spike", threshold: float = 6.0) -> NDArray[np.bool_]:
@@ -212,8 +217,15 @@ def outliers(heights: Array, rule: str = "spike", threshold: float = 6.0) -> NDA
     spread = 1.4826 * np.median(np.abs(heights[valid] - middle))
     if rule == "none" or spread == 0.0:
         return np.zeros(heights.shape, dtype=bool)
-    around = median_filter(fill(heights), 5, mode="nearest") if rule == "spike" else middle
-    return valid & (np.abs(np.where(valid, heights, middle) - around) > threshold * spread)
+    far = threshold * spread
+    if rule == "mad":
+        return valid & (np.abs(np.where(valid, heights, middle) - middle) > far)
+    z = fill(heights)
+    marked = valid & ((maximum_filter(z, 5) - z > far) | (z - minimum_filter(z, 5) > far))
+    i, j = np.nonzero(marked)  # the others are near all of the pixels around
+    around = sliding_window_view(np.pad(z, 2, mode="edge"), (5, 5))[i, j]
+    marked[i, j] = np.abs(np.median(around.reshape(i.size, 25), axis=1) - z[i, j]) > far
+    return marked
 
 
 def fill(heights: Array) -> Array:

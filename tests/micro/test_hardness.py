@@ -9,7 +9,7 @@ from brake_fenicsx.micro import solve_contact
 from brake_fenicsx.micro.active import AllPixels, active_set
 from brake_fenicsx.micro.halfspace import half_space
 from brake_fenicsx.micro.qp import certify, projected_cg
-from brake_fenicsx.micro.sweep import sweep
+from brake_fenicsx.micro.sweep import steps_per_decade, sweep
 from brake_fenicsx.surface import given_statistics, synthesise
 from contact_closed_forms import Hertz
 
@@ -99,7 +99,7 @@ def test_infinite_hardness_is_the_elastic_contact(solver, boundary):
     assert hard.separation == pytest.approx(elastic.separation, rel=1e-9)
     assert hard.plastic_fraction == 0.0 == hard.plastic_depth
     space = grid(48, boundary)
-    few = [sweep(space, h, 0.01, 1.0, 40, 8, 1e-8, c) for c in (None, 1e6)]
+    few = [sweep(space, h, 0.01, 1.0, steps_per_decade(40, 8), 1e-8, c) for c in (None, 1e6)]
     assert len(few[0]) == len(few[1])
     for a, b in zip(*few, strict=True):
         assert (a.d, a.total, a.stiffness) == (b.d, b.total, b.stiffness)
@@ -199,14 +199,14 @@ def test_certificate_refuses_what_only_looks_right():
 def test_steps_stop_below_the_hardness():
     """A law up to 0.97 H is monotone and its area tends to the load over the hardness."""
     h, cap = rough(32), 0.05
-    steps = sweep(grid(32), h, 1e-3, 0.97 * cap * h.size, 40, 8, 1e-8, cap)
+    steps = sweep(grid(32), h, 1e-3, 0.97 * cap * h.size, steps_per_decade(40, 8), 1e-8, cap)
     assert np.all(np.diff([s.d for s in steps]) < 0.0)
     assert np.all(np.diff([s.total for s in steps]) > 0.0)
     assert steps[-1].total == pytest.approx(0.97 * cap * h.size, rel=1e-12)
     assert 0.97 <= steps[-1].touching / h.size < 0.99
     for highest in (cap * h.size, 2.0 * cap * h.size):
         with pytest.raises(SceneError, match="hardness"):
-            sweep(grid(32), h, 1e-3, highest, 40, 8, 1e-8, cap)
+            sweep(grid(32), h, 1e-3, highest, steps_per_decade(40, 8), 1e-8, cap)
 
 
 @pytest.mark.parametrize("boundary", ["free", "periodic"])
@@ -218,7 +218,7 @@ def test_both_stiffnesses_against_finite_differences(boundary):
     """
     h, n, cap = rough(48), 48, 0.04
     space = grid(n, boundary)
-    steps = sweep(space, h, 1e-2, 20.0, 40, 8, 1e-12, cap)
+    steps = sweep(space, h, 1e-2, 20.0, steps_per_decade(40, 8), 1e-12, cap)
     assert all(s.vibration >= s.stiffness * (1.0 - 1e-3) for s in steps)
     assert steps[0].vibration == steps[0].stiffness
     at = next(s for s in steps if s.touching > 60)
