@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from dataclasses import fields
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 from brake_fenicsx import __version__
@@ -30,6 +31,8 @@ def result_digest(scene: Scene) -> str:
     samples = {k: v for k, v in scene.table.get("samples", {}).items() if k not in left_out}
     aside = {*NO_RESULT, *(key for e in extras() if not e.samples for key in e.sections)}
     table = {k: v for k, v in scene.table.items() if k not in aside}
+    for name, f, _ in _keys_of_extras(scene, "aside"):
+        table[name] = {k: v for k, v in table.get(name, {}).items() if k != f}
     # What counts as squeal changes no result of a sample but what extras make of modes that squeal.
     if "stability" in table and not beside_samples(scene):
         table["stability"] = {k: v for k, v in table["stability"].items() if k != "threshold"}
@@ -104,12 +107,30 @@ def file_digests(scene: Scene) -> dict[str, str]:
             if isinstance(value := getattr(part.matrices, f.name), str):
                 files[f"parts.{name}.matrices.{f.name}"] = value
         files |= {f"parts.{name}.morph.{n}": m.displaced for n, m in part.morph.items()}
+    for name, f, value in _keys_of_extras(scene, "file"):
+        named = value.values() if isinstance(value, dict) else value
+        each = (value,) if isinstance(value, str) else named or ()
+        files |= {f"{name}.{f}.{k}": file for k, file in enumerate(each)}
     paths = {key: scene.path(file) for key, file in files.items() if file is not None}
     return {
         key: hashlib.sha256(path.read_bytes()).hexdigest()
         for key, path in paths.items()
         if path.is_file()
     }
+
+
+def _keys_of_extras(scene: Scene, mark: str) -> Iterator[tuple[str, str, Any]]:
+    """Section, name and value of the keys of extras that have a mark in their metadata.
+
+    Args:
+        scene: the scene.
+        mark: "file" of those that name files, "aside" of those that change no sample.
+    """
+    for name in (name for extra in extras() for name in extra.sections):
+        section = scene.section(name)
+        for f in fields(section) if is_dataclass(section) else ():
+            if f.metadata.get(mark):
+                yield name, f.name, getattr(section, f.name)
 
 
 def _files(scene: Scene, *sections: str) -> dict[str, str]:
