@@ -38,6 +38,7 @@ GROUP, OWN = "brake_fenicsx.extras", "brake_fenicsx.extensions"
 # What the extras of this program answer to, for who has the core alone.
 OURS = {
     "decks": (".inp", ".cdb", ".bdf", ".nas", ".fem", "init", "matrices"),
+    "dynamometer": ("states", "threshold"),
     "limit_cycle": ("limit_cycle",),
     "measured": ("correlate", "identify", "export"),
     "variants": ("countermeasures", "budget", "compare"),
