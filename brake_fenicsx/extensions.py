@@ -43,6 +43,7 @@ MESH_FILES = frozenset({
 # What the extras of this program answer to, for who has the core alone.
 OURS = {
     "decks": (".inp", ".cdb", ".bdf", ".nas", ".fem", "init", "matrices"),
+    "dynamometer": ("states", "threshold"),
     "limit_cycle": ("limit_cycle",),
     "measured": ("correlate", "identify", "export"),
     "variants": ("countermeasures", "budget", "compare"),

@@ -319,7 +319,7 @@ def test_no_pictures(tmp_path, capsys):
 def test_table_of_the_log_stands_under_its_heading(tmp_path, monkeypatch):
     from types import SimpleNamespace
 
-    from brake_fenicsx.report import figure_inputs, figures, html, overview, surface_page
+    from brake_fenicsx.report import figure_inputs, figures, html, surface_page
     from brake_fenicsx.results import answer
     from brake_fenicsx.results import run as results
 
@@ -328,7 +328,7 @@ def test_table_of_the_log_stands_under_its_heading(tmp_path, monkeypatch):
                          (surface_page, "write_surface_tables")):  # fmt: skip
         monkeypatch.setattr(module, name, lambda *_, **__: None)
     monkeypatch.setattr(results, "read_run", lambda _: SimpleNamespace(modes=1, samples=1))
-    monkeypatch.setattr(overview, "summary_table", lambda _: "a  b\n1  2")
+    monkeypatch.setattr(answer, "summary_table", lambda _: "a  b\n1  2")
     (tmp_path / "samples.csv").touch()
     start_log(0, tmp_path / "log.txt")
     pipeline.report(tmp_path)

@@ -76,7 +76,7 @@ def test_command_prints_it_with_meanings_and_defaults(capsys):
     assert set(schema["properties"]) == {
         "stages", "surface", "micro", "mesh", "parts", "materials", "contact", "ties",
         "supports", "springs", "masses", "loads", "motion", "equilibrium", "stability", "samples",
-        "limit_cycle", "sweep", "countermeasures", "extensions",
+        "limit_cycle", "sweep", "countermeasures", "extensions", "states",
     }  # fmt: skip
     block = schema["$defs"]["Block"]["properties"]
     assert block["length"]["default"] == "40 mm"

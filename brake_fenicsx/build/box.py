@@ -141,6 +141,9 @@ def _spanning(scene: Scene, name: str) -> list[float]:
         values += map(float, quantile(law, [TAIL, 1 - TAIL], nominal))
     if scene.sweep is not None:
         values += [nominal, *scene.sweep.parameters.get(name, Range()).points]
+    if name in scene.spanned:  # at each of its values the sample scatters as about the scene's
+        scatter = values or [nominal]
+        values += [x * v / nominal for x in scene.spanned[name] for v in scatter] + [nominal]
     least = min(values)
     possible = least >= 0 if name.endswith(".mass") else least > 0
     if not possible and (is_length(name) or is_inertia(name) or _is_modulus(name)):

@@ -131,7 +131,7 @@ class ReducedModels:
         """Whether the bodies of an approach's samples differ from those of the scene."""
         samples, sweep = self._scene.samples, self._scene.sweep
         drawn = samples.random if samples.takes_random(approach) else {}
-        names = {*drawn, *(sweep.parameters if sweep else ())}
+        names = {*drawn, *(sweep.parameters if sweep else ()), *self._scene.spanned}
         return any(changes_bodies(self._scene, name) for name in names)
 
     def _reduce(self, damped: bool, names: list[str], k0: Array) -> None:

@@ -47,6 +47,7 @@ def rubs(scene: Scene, approach: str) -> bool:
     """Whether some element of an approach's samples has friction."""
     other = [*scene.samples.random] if scene.samples.takes_random(approach) else []
     other += [*scene.sweep.parameters] if scene.sweep else []
+    other += scene.spanned
     if any(name.endswith(".friction") for name in other):
         return True
     mu = (friction_of(scene, approach, name) for name in scene.contact)

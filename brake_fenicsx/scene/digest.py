@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import sys
+from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,7 @@ def in_effect(scene: Scene) -> dict[str, Any]:
     Returns:
         Section -> its settings, as plain values.
     """
-    names = (f.name for f in fields(scene) if f.name not in ("file", "table", "own"))
+    names = (f.name for f in fields(scene) if not f.metadata.get("internal"))
     return _plain({name: getattr(scene, name) for name in names})
 
 
@@ -63,6 +64,8 @@ def result_digest(scene: Scene) -> str:
     """Hash of all that the results of a sample depend on."""
     aside = {*NO_RESULT, *(key for e in extras() if not e.samples for key in e.sections)}
     table = {k: v for k, v in scene.table.items() if k not in aside}
+    for name, f, _ in _keys_of_extras(scene, "aside"):
+        table[name] = {k: v for k, v in table.get(name, {}).items() if k != f}
     # What counts as squeal changes no result of a sample but what extras make of modes that squeal.
     if "stability" in table and not beside_samples(scene):
         table["stability"] = {k: v for k, v in table["stability"].items() if k != "threshold"}
@@ -141,12 +144,30 @@ def file_digests(scene: Scene) -> dict[str, str]:
             if isinstance(value := getattr(part.matrices, f.name), str):
                 files[f"parts.{name}.matrices.{f.name}"] = value
         files |= {f"parts.{name}.morph.{n}": m.displaced for n, m in part.morph.items()}
+    for name, f, value in _keys_of_extras(scene, "file"):
+        named = value.values() if isinstance(value, dict) else value
+        each = (value,) if isinstance(value, str) else named or ()
+        files |= {f"{name}.{f}.{k}": file for k, file in enumerate(each)}
     paths = {key: scene.path(file) for key, file in files.items() if file is not None}
     return {
         key: hashlib.sha256(path.read_bytes()).hexdigest()
         for key, path in paths.items()
         if path.is_file()
     }
+
+
+def _keys_of_extras(scene: Scene, mark: str) -> Iterator[tuple[str, str, Any]]:
+    """Section, name and value of the keys of extras that have a mark in their metadata.
+
+    Args:
+        scene: the scene.
+        mark: "file" of those that name files, "aside" of those that change no sample.
+    """
+    for name in (name for extra in extras() for name in extra.sections):
+        section = scene.section(name)
+        for f in fields(section) if is_dataclass(section) else ():
+            if f.metadata.get(mark):
+                yield name, f.name, getattr(section, f.name)
 
 
 def _files(scene: Scene, *sections: str) -> dict[str, str]:

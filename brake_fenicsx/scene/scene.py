@@ -89,6 +89,8 @@ class Scene:
     file: Path = key(default=Path, internal=True)
     table: dict[str, Any] = key(default=dict, internal=True)
     own: Extensions = key(default=Extensions, internal=True)
+    # Dotted key -> values that an extra's own samples take, SI.
+    spanned: dict[str, tuple[float, ...]] = key(default=dict, internal=True)
 
     @property
     def damping(self) -> Damping | None:
@@ -97,8 +99,9 @@ class Scene:
 
     @property
     def varied(self) -> list[str]:
-        """Dotted keys of the scalars that are random or swept."""
-        return sorted({*self.samples.random, *(self.sweep.parameters if self.sweep else ())})
+        """Dotted keys of the scalars that are random, swept or take other values for an extra."""
+        swept = self.sweep.parameters if self.sweep else ()
+        return sorted({*self.samples.random, *swept, *self.spanned})
 
     def section(self, name: str) -> Any:
         """A section of an extra; None where neither the scene nor the program has it."""
