@@ -55,7 +55,7 @@ def test_friction_that_depends_on_the_pressure(brake):
     """One coefficient for each contact element, from any function of the state."""
     law = Quadratic(1e19)
     state = equilibrium(brake, law, g_cr=0.0, mu=0.0)
-    model = Reduced(brake.K, brake.M, brake.N, brake.T, brake.w, (0.0, 18e3))
+    model = Reduced(brake.K, brake.M, brake.N, brake.T, brake.w, 1e11, (0.0, 18e3))
     mu = 0.3 + 0.2 * state.p / state.p.max()
     low, own, high = (model.modes(state.k, m).s for m in (0.3, mu, 0.5))
     assert not np.allclose(own, low) and not np.allclose(own, high)

@@ -64,6 +64,7 @@ def complex_modes(
     C: Any,
     K: Any,
     band: tuple[float, float],
+    method: str = "full",
     tolerance: float = 1e-9,
     zeta_max: float = 0.1,
     frictionless: Any = None,
@@ -78,6 +79,7 @@ def complex_modes(
         K: stiffness [N/m], not symmetric where there is friction. The processes of a distributed
             matrix must call together; each gathers the whole of it and solves for itself.
         band: lowest and highest frequency [Hz].
+        method: "full".
         tolerance: relative residual of every mode.
         zeta_max: largest damping ratio looked for; bounds the imaginary parts of kappa.
         frictionless: for non-symmetric K the same stiffness at mu = 0; the symmetric half of K if
@@ -91,10 +93,12 @@ def complex_modes(
         The modes, sorted by frequency, one of each conjugate pair.
 
     Raises:
-        SceneError: a band that is none.
+        SceneError: unknown method, or a band that is none.
         NotConverged: the eigensolver leaves a mode unconverged.
         InaccurateResult: the modes found are not as many as were counted.
     """
+    if method != "full":
+        raise SceneError(f"method {method!r}: complex_modes knows 'full'; see ReducedModel")
     band = frequency_band(band)
     start = time.perf_counter()
     problem = _problem(K, M, frictionless, friction)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.solver import whole
 
-from .modes import Modes
+from .modes import Complex, Modes
 from .substructures.contact_rows import ContactLinearisation
 from .substructures.offline import reduce_bodies
 from .substructures.reduced_model import ReducedModel
@@ -34,6 +34,7 @@ class Reduced:
         N: sp.csr_matrix,
         T: sp.csr_matrix,
         w: ArrayLike,
+        k0: ArrayLike,
         band: tuple[float, float],
         tolerance: float = 1e-5,
         comm: MPI.Comm = MPI.COMM_SELF,
@@ -46,6 +47,7 @@ class Reduced:
             N: gap operator, shape (elements, dofs).
             T: slip operator, likewise.
             w: areas of the contact elements [m^2], shape (elements,).
+            k0: typical contact stiffness [Pa/m], positive; the model is as good for any other.
             band: lowest and highest frequency [Hz].
             tolerance: wanted relative error of lambda.
             comm: processes that share the work.
@@ -60,8 +62,11 @@ class Reduced:
                     f"{name}: a sparse matrix of shape ({areas.size}, {own.shape[0]}) is needed,"
                     " one row for each contact element and one column for each dof"
                 )
-        if not (np.all(np.isfinite(areas)) and np.all(areas > 0)):
-            raise SceneError(f"w = {np.min(areas):.3g}: positive finite values are needed")
+        for name, value in (("k0", np.asarray(k0, float)), ("w", areas)):
+            if value.shape not in ((), areas.shape):
+                raise SceneError(f"{name}: shape {value.shape}; give one value, or one per element")
+            if not (np.all(np.isfinite(value)) and np.all(value > 0)):
+                raise SceneError(f"{name} = {np.min(value):.3g}: positive finite values are needed")
         bodies = split_substructures(own, whole(M), {"N": N.tocsr(), "T": T.tocsr()})
         self.model: ReducedModel = reduce_bodies(
             bodies, areas, band, tolerance=tolerance, comm=comm
@@ -75,3 +80,14 @@ class Reduced:
             mu: friction coefficient, one or one per element.
         """
         return self.model.modes([], ContactLinearisation.of(k, mu))
+
+    def expand(self, s: Complex, a: Complex, k: ArrayLike, mu: ArrayLike) -> Complex:
+        """Displacements of some modes of a sample, shape (dofs, chosen).
+
+        Args:
+            s: eigenvalues lambda [1/s], shape (chosen,).
+            a: their columns of ``right``.
+            k: contact stiffness of the sample [Pa/m].
+            mu: its friction coefficient.
+        """
+        return self.model.displacements([], ContactLinearisation.of(k, mu), s, a)[0]

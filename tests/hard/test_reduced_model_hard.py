@@ -104,7 +104,7 @@ def test_friction_that_couples_modes_far_apart(two_blocks):
     off = np.abs(exact[:, None] - projected).min(axis=1) / np.abs(exact)
     # On one mesh 0.9 %, on another a growing mode is missing.
     assert exact.size >= 2 and off.max() > 2e-3
-    model = Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, (0.0, 90e3))
+    model = Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, 1e11, (0.0, 90e3))
     found = model.modes(k, mu)
     grown = found.s[np.array(found.verdict) == "unstable"]
     assert grown.size == exact.size
@@ -173,7 +173,7 @@ def test_cutoff_inside_the_band(two_blocks):
 def test_few_modes_or_none(two_blocks, top):
     """Few kept modes except rigid motions: the residual flexibility gives the modes."""
     scene, band = two_blocks("guided"), (0.0, top)
-    model = Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, band)
+    model = Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, 1e11, band)
     assert model.model.bodies[-1].modes.stop <= 6
     for k in (1e11, 3e11, 1e12):
         k = np.full(scene.w.size, k)
@@ -185,7 +185,7 @@ def test_clamped_bodies_without_a_mode(two_blocks):
     """Clamped bodies without kept modes: no row, no error."""
     scene = two_blocks("guided")
     K = (scene.K + 1e14 * sp.identity(scene.K.shape[0])).tocsr()
-    model = Reduced(K, scene.M, scene.N, scene.T, scene.w, (0.0, 1e3))
+    model = Reduced(K, scene.M, scene.N, scene.T, scene.w, 1e11, (0.0, 1e3))
     assert len(model.modes(np.full(scene.w.size, K0), 0.5)) == 0
 
 
@@ -253,7 +253,7 @@ def test_merging_of_two_real_modes_of_a_large_random_system():
         sp.csr_matrix(rng.standard_normal((m, n)) * (rng.random((m, n)) < 0.2)) for _ in range(2)
     )
     w, band = np.full(m, 1e-5), (0.0, np.sqrt(1e9) / 2 / np.pi)
-    model = Reduced(K, sp.identity(n, format="csr"), N, T, w, band)
+    model = Reduced(K, sp.identity(n, format="csr"), N, T, w, 1e11, band)
     k, number = 10 ** rng.uniform(11, 13, m), 0
 
     def exact(mu):

@@ -112,7 +112,7 @@ def test_shares_of_reduced_modes_are_those_of_the_whole_ones(two_blocks, mu):
     scene, band = two_blocks("guided"), (0.0, 90e3)
     rng = np.random.default_rng(1)
     k = 3e11 * 10 ** rng.uniform(-1, 1, scene.w.size)
-    red = Reduced(scene.elastic.K, scene.elastic.M, scene.N, scene.T, scene.w, band)
+    red = Reduced(scene.elastic.K, scene.elastic.M, scene.N, scene.T, scene.w, 1e11, band)
     m = red.modes(k, mu)
     masses = layer_masses(scene.mesh, scene.free, {n: v.rho for n, v in scene.materials.items()})
     grams = {name: red.model.coordinates(A) for name, A in masses.items()}

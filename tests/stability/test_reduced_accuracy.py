@@ -46,7 +46,7 @@ def tangent(seed, mu):
 @cache
 def reduced(seed, tolerance):
     K, M, N, T, _, end = system(seed)
-    return Reduced(K, M, N, T, np.ones(ELEMENTS), (0.0, end), tolerance)
+    return Reduced(K, M, N, T, np.ones(ELEMENTS), 1e11, (0.0, end), tolerance)
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7, 1e-9, 1e-12])

@@ -260,7 +260,7 @@ def test_a_failure_of_one_process_is_raised_on_all(two_blocks, monkeypatch, chan
     scene = two_blocks("guided")
     monkeypatch.setattr(symmetric, "lowest_modes", changed(symmetric.lowest_modes))
     with pytest.raises(error, match=said):
-        Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, BAND, comm=scene.comm)
+        Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, 1e11, BAND, comm=scene.comm)
 
 
 def test_bodies_are_taken_apart(two_blocks):
@@ -384,7 +384,7 @@ def test_arguments_that_do_not_fit_are_one_line(two_blocks, change, said):
 
     def run():
         made = Reduced(
-            given["K"], scene.M, given["N"], scene.T, given["w"], given["band"],
+            given["K"], scene.M, given["N"], scene.T, given["w"], 1e11, given["band"],
             given["tolerance"],
         )  # fmt: skip
         return made.modes(k, mu)
@@ -450,7 +450,7 @@ def test_band_that_starts_above_zero(two_blocks):
     k = scattered(scene, 1)
     s = all_lambda(scene.tangent(k, mu), scene.M)
     inside = s[(s.imag >= 2 * np.pi * band[0]) & (s.imag <= 2 * np.pi * band[1])]
-    found = Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, band).modes(k, mu)
+    found = Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, 1e11, band).modes(k, mu)
     assert len(found) == found.count.expected == inside.size
     assert found.frequency.min() >= band[0]
 
@@ -459,7 +459,7 @@ def test_petsc_matrices_and_a_communicator(two_blocks):
     """PETSc matrices are taken as they are."""
     scene = two_blocks("coarse", alone=True)
     K, M = petsc_matrix(scene.K), petsc_matrix(scene.M)
-    made = Reduced(K, M, scene.N, scene.T, scene.w, BAND, comm=MPI.COMM_SELF)
+    made = Reduced(K, M, scene.N, scene.T, scene.w, 1e11, BAND, comm=MPI.COMM_SELF)
     k = scattered(scene, 2)
     exact = all_lambda(scene.tangent(k, 0.5), scene.M)
     assert agrees(made.modes(k, 0.5), exact, BAND)[0] < 2e-6

@@ -100,6 +100,13 @@ class ReducedModel:
         self._rest: tuple[Array, Array, tuple[Array, Array, Array]] | None = None
         self._kept: tuple[Array, BlockMatrix] | None = None
 
+    @staticmethod
+    def offline(*given: Any, **named: Any) -> ReducedModel:
+        """Reduce the bodies of a brake and take the model; see ``reduce_bodies``."""
+        from .offline import reduce_bodies
+
+        return reduce_bodies(*given, **named)
+
     def at(self, p: ArrayLike) -> list[AtPoint]:
         """The bodies at a point of the box [-1, 1]^d; mirror images share theirs."""
         x = np.asarray(p, float)
