@@ -23,7 +23,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from brake_fenicsx.arguments import frequency_band
-from brake_fenicsx.errors import InaccurateResult, NotConverged
+from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.macro.solver import whole, with_interface
 
 from .damped_count import counted
