@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from .component import AtPoint, Placed
 from .contact_rows import SIGMA, Rows
+from .interpolated import Powers
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -142,19 +143,34 @@ def assembled(
                 source[n][seen, modes] -= A[O, X]
                 lead[n][modes, met] -= A[f * m :, I]
                 load[n][modes] -= A[f * m :, end:]
-        if not (O.size and I.size):
-            continue
-        # Faster than picking by rows and columns; one coefficient at a time stays in the cache.
-        flat = O[:, None] * view.D[0].shape[1] + I
-        parts = [np.empty(flat.shape, A.dtype) for A in view.D[:2]]
-        places = [[_square(a, b) for b in np.split(met, g)] for a in np.split(seen, f)]
-        for n, A in enumerate(view.D):
-            # In place and without checks of bounds it takes two thirds of the time.
-            part = np.take(A, flat, out=parts[min(n, 1)], mode="clip")
-            for line, row in zip(places, np.split(part, f), strict=True):
-                for place, block in zip(line, np.hsplit(row, g), strict=True):
-                    D[n][place] += block
+        if O.size and I.size:
+            places = [[_square(a, b) for b in np.split(met, g)] for a in np.split(seen, f)]
+            _add(D, view.D, O[:, None] * view.D[0].shape[1] + I, places)
     return BlockMatrix(own, lead, source, D, load, push)
+
+
+def _add(
+    D: list[NDArray[Any]],
+    coefficients: Powers,
+    flat: Index,
+    places: list[list[tuple[Any, Any]]],
+) -> None:
+    """Add some entries of a body's coefficients to D.
+
+    Args:
+        D: shape (followed rows, acting rows) each.
+        coefficients: of the body.
+        flat: places of the entries in their memory: faster than picking by rows and columns.
+        places: rows and columns of each of their blocks in D.
+    """
+    parts = [np.empty(flat.shape, A.dtype) for A in coefficients[:2]]
+    for n, A in enumerate(coefficients):
+        # One at a time stays in the cache; in place and without checks of bounds it takes two
+        # thirds of the time.
+        part = np.take(A, flat, out=parts[min(n, 1)], mode="clip")
+        for line, row in zip(places, np.split(part, len(places)), strict=True):
+            for place, block in zip(line, np.hsplit(row, len(line)), strict=True):
+                D[n][place] += block
 
 
 def _square(rows: Index, columns: Index) -> tuple[Any, Any]:

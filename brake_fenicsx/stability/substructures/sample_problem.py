@@ -258,16 +258,13 @@ def expanded(
 
     for m in range(MOST + 1):
         rhs = source[m] if m < len(source) else np.zeros_like(source[0])
-        if m and gaps < len(rhs):
-            rhs[gaps:] += y[-1][gaps:]
-            rhs -= E[0][:, gaps:] @ y[-1][gaps:]
+        slips = y[-1][gaps:] if y else 0 * rhs[gaps:]
+        rhs[gaps:] += slips
+        rhs -= E[0][:, gaps:] @ slips
         for product in times_u(E, m, 1):
             rhs -= product
         y.append(solve(rhs))
-        u.append(y[m])
-        if gaps < len(rhs):
-            u[m] = y[m].copy()
-            u[m][gaps:] = rows.shift * y[m][gaps:] + (y[m - 1][gaps:] if m else 0.0)
+        u.append(np.vstack([y[m][:gaps], rows.shift * y[m][gaps:] + slips]))
         T.append(own[m] if m < len(own) else np.zeros_like(own[0]))
         T[m] += sum(times_u(forced, m, 0))
         sizes.append(float(la.norm(T[m])) * end**m)

@@ -242,11 +242,7 @@ def mode_displacements(
         Of each sample the displacements, shape (dofs, its modes), and their estimated relative
         errors, shape (its modes,): of the motions at the contact, or of v in the worst body.
     """
-    matrices: dict[tuple[Component, bytes], list[int]] = {}
-    for i, (sample, *_) in enumerate(modes):
-        for component in dict.fromkeys(body.component for body in sample.bodies):
-            point = sample.x.tobytes() if component.body.changes else b""
-            matrices.setdefault((component, point), []).append(i)
+    matrices = _sharing([sample for sample, *_ in modes])
     keys = list(matrices)
 
     def work(j: int) -> list[tuple[int, Index, Complex, Array]]:
@@ -256,22 +252,18 @@ def mode_displacements(
         P = [A.T.tocsr() for A in P] if left else P
         # All modes together: solves with few columns take as long as with one.
         every = [(i, *b) for i in users for b in _driven(*modes[i], component, rows, left)]
-        w = np.concatenate([rows.variable(modes[i][1]) for i, *_ in every])
-        kept = np.hstack([a for *_, a, _, _ in every])
-        load = np.hstack([f for *_, f, _ in every])
-        errors = np.hstack([error for *_, error in every])
+        numbers, bodies, kept, load, errors = zip(*every, strict=True)
+        w = np.concatenate([rows.variable(modes[i][1]) for i in numbers])
         complement = Complement(P[0], component.mass, component.W)
         try:
-            v, settled = _left_out(complement, P, w, kept, load)
+            v, settled = _left_out(complement, P, w, np.hstack(kept), np.hstack(load))
         finally:
             complement.factor.destroy()
-        ends = np.cumsum([b[2].shape[1] for b in every])[:-1]
-        parts = np.split(kept + v, ends, axis=1)
-        worst = np.split(np.maximum(errors, settled), ends)
-        return [
-            (i, body.dofs, body.signs[:, None] * u, error)
-            for (i, body, *_), u, error in zip(every, parts, worst, strict=True)
-        ]
+        ends = np.cumsum([a.shape[1] for a in kept])[:-1]
+        parts = np.split(np.hstack(kept) + v, ends, axis=1)
+        worst = np.split(np.maximum(np.hstack(errors), settled), ends)
+        found = zip(numbers, bodies, parts, worst, strict=True)
+        return [(i, body.dofs, body.signs[:, None] * u, error) for i, body, u, error in found]
 
     shapes = [(sum(b.dofs.size for b in sample.bodies), z.size) for sample, z, _ in modes]
     out: list[tuple[Complex, Array]] = [
@@ -282,6 +274,16 @@ def mode_displacements(
             out[i][0][dofs] = u
             np.maximum(out[i][1], error, out=out[i][1])
     return out
+
+
+def _sharing(samples: Sequence[Sample]) -> dict[tuple[Component, bytes], list[int]]:
+    """Bodies at points of the box that need a factor, and the numbers of the samples it serves."""
+    found: dict[tuple[Component, bytes], list[int]] = {}
+    for i, sample in enumerate(samples):
+        for component in dict.fromkeys(body.component for body in sample.bodies):
+            point = sample.x.tobytes() if component.body.changes else b""
+            found.setdefault((component, point), []).append(i)
+    return found
 
 
 def _driven(
