@@ -164,8 +164,9 @@ class SampleCycles:
             for cycle in branch.cycles:
                 values, outcome = self.measured(problem, cycle, branch), cycle.kind
                 if outcome == STABLE:
-                    growth, error = values["exponent_1_s"], values["exponent_error_1_s"]
-                    outcome = verdict(growth, error, values["exponent_hz"] / values["frequency_hz"])
+                    growth, accuracy = values["exponent_1_s"], values["exponent_error_1_s"]
+                    ratio = values["exponent_hz"] / values["frequency_hz"]
+                    outcome = verdict(growth, accuracy, ratio)
                 if not outcome.startswith(HEARD):
                     values |= dict.fromkeys(SOUND, float("nan"))
                 rows.append((i, outcome, values))

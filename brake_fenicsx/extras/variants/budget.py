@@ -10,6 +10,7 @@ import json
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from mpi4py import MPI
@@ -17,7 +18,7 @@ from mpi4py import MPI
 from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.checks import check, with_patch, with_pixels
 from brake_fenicsx.costs import calibrated_seconds, work_of_a_second
-from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.results.run import read_run
@@ -27,10 +28,10 @@ from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import laws_key
 
 from .budget_page import sentence, write_budget_page
-from .comparison import Row
 from .entries import COLUMNS, blank, entries, extrapolate, statistical
 from .knobs import RESOLUTION, Knob, Variant, knobs
-from .runs import Runs
+from .page import Row
+from .runs import Runs, or_note
 
 REFERENCE = "reference"
 
@@ -81,7 +82,7 @@ def run_budget(
     start = time.perf_counter()
     if minutes is not None and not minutes > 0:
         raise SceneError(f"--minutes {minutes:g}: write a positive number")
-    folder = Path(directory) if directory else Path.cwd() / f"{Path(scene).stem}-budget"
+    folder = Path(directory or f"{Path(scene).stem}-budget")
     runs = Runs(scene, comm, folder, [*overrides, *_lean(scene, overrides)], cache)
     runs.run(REFERENCE)
     varied, planned = plan(runs)
@@ -95,17 +96,13 @@ def run_budget(
             if p.seconds > left:
                 why[p.name] = f"no time is left for about {p.seconds:.0f} s"
                 continue
-        try:
-            runs.run(p.name, p.changes, left)
-        except StorageError:
-            raise
-        except BrakeError as error:
-            logger.warning("budget: %s failed: %s", p.name, error)
-            why[p.name] = " ".join(str(error).split())
+        _, note = or_note(partial(runs.run, p.name, p.changes, left))
+        if note:
+            why[p.name] = " ".join(note.split())
         on_first(lambda: _write(runs, varied, planned, why), comm)
     rows = on_first(lambda: _write(runs, varied, planned, why), comm)
     logger.info("%s", sentence(rows))
-    return folder / "budget.html"
+    return on_first(lambda: write_budget_page(folder, rows, Path(scene).stem), comm)
 
 
 def _lean(file: str | Path, overrides: Sequence[str]) -> list[str]:
@@ -136,11 +133,10 @@ def plan(runs: Runs) -> tuple[list[Knob], list[Planned]]:
     patch = 1e-3 * float(sizes["mean_patch_mm"])
     own = with_pixels(with_patch(scene, patch), stats)
     pixels = int(own.micro.pixels) if own.micro and stats and "micro" in own.stages else None
-    found = knobs(scene, pixels)
     # A variant that falls back to full order is no variant of the scene's computation.
     falls_back = scene.stability is not None and scene.stability.on_tolerance == "full order"
     no_fall_back = ('stability.on_tolerance="warn"',) if falls_back else ()
-    planned = []
+    found, planned = knobs(scene, pixels), []
     for i, knob in enumerate(found):
         for n, variant in enumerate(knob.variants, 1):
             about = f"{knob.name}-{n}", knob, variant, (*variant.overrides, *no_fall_back)
@@ -151,10 +147,10 @@ def plan(runs: Runs) -> tuple[list[Knob], list[Planned]]:
             except SceneError as error:
                 planned.append((n, Planned(*about, 0.0, str(error))))
                 continue
-            if not knob.perfect and _most(other) < _most(scene):
+            samples = _samples(other)
+            if not knob.perfect and max(samples.values()) < max(_samples(scene).values()):
                 found[i] = replace(knob, variants=(), reason="nothing is random without it")
                 break
-            samples = {name: sample_count(other, name) for name in other.samples.approaches}
             size = sizes["dofs"] * variant.dofs, sizes["contact_elements"] * variant.elements
             stages = calibrated_seconds(other, samples, *size, work)
             if laws_key(other) == laws_key(own):
@@ -163,41 +159,37 @@ def plan(runs: Runs) -> tuple[list[Knob], list[Planned]]:
             paired = knob.paired and (
                 own.micro is None or other.micro is None or other.micro.pixels == own.micro.pixels
             )
-            cost = sum(stages.values())
-            planned.append((n, Planned(*about, cost, paired=paired)))
+            planned.append((n, Planned(*about, sum(stages.values()), paired=paired)))
     return found, [p for _, p in sorted(planned, key=lambda item: (item[0], item[1].seconds))]
 
 
-def _most(scene: Scene) -> int:
-    """Samples of the approach that has most."""
-    return max(sample_count(scene, name) for name in scene.samples.approaches)
+def _samples(scene: Scene) -> dict[str, int]:
+    return {name: sample_count(scene, name) for name in scene.samples.approaches}
 
 
 def _write(
     runs: Runs, varied: list[Knob], planned: list[Planned], why: dict[str, str]
 ) -> list[Row]:
-    """Table and page of what has been run so far."""
+    """The table of what has been run so far."""
     scene = read_run(runs.folder / REFERENCE)
     rows = statistical(scene)
     for p in planned:
-        about: Row = {
-            "knob": p.knob.name, "says": p.knob.says, "kind": p.knob.kind, "variant": p.name,
-            "change_made": p.variant.says,
-        }  # fmt: skip
+        about = _about(p.knob) | {"variant": p.name, "change_made": p.variant.says}
         if p.name in why or not runs.is_done(p.name, p.changes):
             rows.append(blank(**about, status="not run", reason=why.get(p.name, "not yet")))
             continue
         took = runs.record[p.name]
         about |= {"seconds": round(took["seconds"], 1), "memory_mb": took["memory_mb"]}
         changed = entries(scene, read_run(runs.folder / p.name), p.paired)
-        own = [r for r in changed if not p.knob.perfect or r["approach"] == "classical"]
-        rows += [r | about for r in own]
+        rows += [r | about for r in changed if not p.knob.perfect or r["approach"] == "classical"]
     for knob in varied:
-        if knob.kind == RESOLUTION and knob.variants:
+        if knob.kind == RESOLUTION:
             extrapolate(rows, knob.name, knob.ratio, scene)
         if not knob.variants:
-            rows.append(blank(knob=knob.name, says=knob.says, kind=knob.kind, status="not run",
-                              reason=knob.reason))  # fmt: skip
+            rows.append(blank(**_about(knob), status="not run", reason=knob.reason))
     write_rows(runs.folder / "budget.csv", COLUMNS, rows)
-    write_budget_page(runs.folder, rows, Path(runs.file).stem)
     return rows
+
+
+def _about(knob: Knob) -> Row:
+    return {"knob": knob.name, "says": knob.says, "kind": knob.kind}

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from brake_fenicsx.report.page_blocks import Table, Text
+from brake_fenicsx.report.page_blocks import Block, Table, Text
 from brake_fenicsx.results.tables import Value
 
 from .page import (
@@ -14,13 +15,12 @@ from .page import (
     change_of,
     frequency_text,
     interval_of,
-    number,
     page_of_changes,
     picture_of,
     share_of,
 )
 
-Key = tuple[Value, Value]  # approach and number of a family
+Key = tuple[str, int | None]  # approach and number of a family
 
 OWN = (
     "approach", "family", "samples that squeal", "95 % interval",
@@ -31,6 +31,10 @@ HEADS = (
     "change of the probability (95 % interval)", "samples", "frequency: bias (scatter) [Hz]",
     "damping: bias (scatter)", "order", "limit and its uncertainty", "remark",
 )  # fmt: skip
+CAPTION = (
+    "Change of the probability of the family that changes most, by size. Hollow: independent"
+    " samples."
+)
 
 
 def write_budget_page(directory: Path, rows: Sequence[Row], name: str) -> Path:
@@ -44,33 +48,36 @@ def write_budget_page(directory: Path, rows: Sequence[Row], name: str) -> Path:
     Returns:
         The page.
     """
-    scene = [r for r in rows if r["knob"] == "samples"]
-    text = (
-        "Change of the probability of the family that changes most, by size. Hollow: independent"
-        " samples."
-    )
-    picture, key = None, worst_family(rows)
-    if key is not None and (changes := _changes(rows, key)):
-        own = _own(rows, key)
-        changes.sort(key=lambda r: -abs(number(r["change"])))
+    scene, varied = _parts(rows)
+    blocks: list[Block] = [
+        Text("The scene itself: how far its number of samples leaves the probabilities open."),
+        Table.without_empty(OWN, [_of_scene(r, scene) for r in _telling(scene)]),
+        Text("What each change of a setting does to them."),
+        Table.without_empty(HEADS, _of_variants(varied)),
+    ]
+    key = worst_family(rows)
+    if key is not None and (changes := _of(varied, *key)):
         lines = [
             ShareChange(
-                f"{str(r['says']).removeprefix('the ')}:\n{r['change_made']}",
-                number(r["probability"]), number(r["probability_variant"]), None, interval_of(r),
-                r["paired"] == "no",
-            ) for r in changes
+                f"{r['says'].removeprefix('the ')}:\n{r['change_made']}", r["probability"],
+                r["probability_variant"], None, interval_of(r), r["paired"] == "no",
+            ) for r in sorted(changes, key=lambda r: -abs(r["change"]))
         ]  # fmt: skip
-        picture = picture_of(lines, ("the scene", "the variant"), text, interval_of(own))
-    return page_of_changes(
-        directory / "budget.html", f"Error budget of {name}", [sentence(rows), not_run(rows)],
-        picture,
-        [
-            Text("The scene itself: how far its number of samples leaves the probabilities open."),
-            Table.without_empty(OWN, [_of_scene(r, scene) for r in _telling(scene)]),
-            Text("What each change of a setting does to them."),
-            Table.without_empty(HEADS, _of_variants(rows)),
-        ],
-    )  # fmt: skip
+        own = interval_of(_of(scene, *key)[0])
+        blocks.insert(0, picture_of(lines, ("the scene", "the variant"), CAPTION, own))
+    intro = sentence(rows), not_run(rows)
+    return page_of_changes(directory / "budget.html", f"Error budget of {name}", intro, blocks)
+
+
+def _parts(rows: Sequence[Row]) -> tuple[list[Row], list[Row]]:
+    """Rows of the scene itself, and of the variants that were run."""
+    run = [r for r in rows if r["status"] == "run"]
+    scene = [r for r in run if r["knob"] == "samples"]
+    return scene, [r for r in run if r["knob"] != "samples"]
+
+
+def _of(rows: Sequence[Row], approach: str, family: int | None) -> list[Row]:
+    return [r for r in rows if (r["approach"], r["family"]) == (approach, family)]
 
 
 def worst_family(rows: Sequence[Row]) -> Key | None:
@@ -78,13 +85,13 @@ def worst_family(rows: Sequence[Row]) -> Key | None:
 
     Of approaches with several samples, if there are any; None where no family squeals.
     """
-    own = [r for r in rows if r["knob"] == "samples" and r["family"] != "any"]
-    own = [r for r in own if number(r["samples"]) > 1] or own
+    scene, varied = _parts(rows)
+    own = [r for r in scene if r["family"] != "any"]
+    own = [r for r in own if r["samples"] > 1] or own
 
     def size(r: Row) -> tuple[float, float]:
-        changes = _changes(rows, (r["approach"], r["family"]))
-        most = max((abs(number(c["change"])) for c in changes), default=0.0)
-        return most, number(r["probability"])
+        changes = _of(varied, r["approach"], r["family"])
+        return max((abs(c["change"]) for c in changes), default=0.0), r["probability"]
 
     worst = max(own, key=size, default=None)
     return None if worst is None else (worst["approach"], worst["family"])
@@ -92,51 +99,41 @@ def worst_family(rows: Sequence[Row]) -> Key | None:
 
 def sentence(rows: Sequence[Row]) -> str:
     """The budget in plain words."""
-    key = worst_family(rows)
-    if key is None:
-        if any(r["knob"] == "samples" and number(r["probability"]) > 0.0 for r in rows):
-            return (
-                "Modes squeal, but a single sample has no families to compare; give the scene"
-                " random inputs or rough contact."
-            )
-        return "No mode squeals in any sample of the scene."
-    family = _own(rows, key)
-    p, changes, one = number(family["probability"]), _changes(rows, key), family["samples"] == 1
-    hertz = _kilohertz(family, rows)
-    if one:
-        text = f"The {hertz} kHz family {'squeals' if p else 'does not squeal'} in the one sample; "
-    else:
-        low, high = (p + number(family[n]) for n in ("change_low", "change_high"))
-        text = (
-            f"The probability of the {hertz} kHz family is {p:.2f} [{low:.2f}, {high:.2f}] from"
-            f" {family['samples']} samples; "
+    (scene, varied), key = _parts(rows), worst_family(rows)
+    if key is None and any(r["probability"] for r in scene):
+        return (
+            "Modes squeal, but a single sample has no families to compare; give the scene random"
+            " inputs or rough contact."
         )
+    if key is None:
+        return "No mode squeals in any sample of the scene."
+    (family,), changes = _of(scene, *key), _of(varied, *key)
+    p, n, name = family["probability"], family["samples"], f"{_kilohertz(family, rows)} kHz family"
+    if n == 1:
+        text = f"The {name} {'squeals' if p else 'does not squeal'} in the one sample; "
+    else:
+        ends = f"{p + family['change_low']:.2f}, {p + family['change_high']:.2f}"
+        text = f"The probability of the {name} is {p:.2f} [{ends}] from {n} samples; "
     if not changes:
         return text + "no other uncertainty was computed."
-    largest = max(changes, key=lambda r: abs(number(r["change"])))
-    if number(largest["change"]) == 0.0:
+    largest = max(changes, key=lambda r: abs(r["change"]))
+    if largest["change"] == 0.0:
         text += "no variant that was run changes it"
     else:
-        change = "" if one else f": {number(largest['change']):+.2f}"
-        text += (
-            f"the largest other uncertainty is {largest['says']} ({largest['change_made']}{change})"
-        )
-        ends = interval_of(largest)
-        if ends is not None and ends[0] <= 0.0 <= ends[1]:
-            text += f", not significant with {family['samples']} samples"
-    text += "."
-    arisen = max(
-        (r for r in _changes(rows, (key[0], None)) if number(r["change"]) > 0.0),
-        key=lambda r: number(r["change"]), default=None,
-    )  # fmt: skip
-    ends = None if arisen is None else interval_of(arisen)
-    if arisen is not None and (one or (ends is not None and ends[0] > 0.0)):
-        text += (
-            f" A family at {_kilohertz(arisen, rows)} kHz squeals in no sample of the"
-            f" scene and in {share_of(arisen['probability_variant'], arisen['samples_variant'])}"
-            f" samples after a change of {arisen['says']} ({arisen['change_made']})."
-        )
-    return text
+        change, of_it = "" if n == 1 else f": {largest['change']:+.2f}", interval_of(largest)
+        made = f"{largest['says']} ({largest['change_made']}{change})"
+        text += f"the largest other uncertainty is {made}"
+        if of_it is not None and of_it[0] <= 0.0 <= of_it[1]:
+            text += f", not significant with {n} samples"
+    # Families that only variants have.
+    arisen = max(_of(varied, key[0], None), key=lambda r: r["change"], default=None)
+    if arisen is None or arisen["change" if n == 1 else "change_low"] <= 0.0:
+        return f"{text}."
+    share = share_of(arisen["probability_variant"], arisen["samples_variant"])
+    return (
+        f"{text}. A family at {_kilohertz(arisen, rows)} kHz squeals in no sample of the scene and"
+        f" in {share} samples after a change of {arisen['says']} ({arisen['change_made']})."
+    )
 
 
 def not_run(rows: Sequence[Row]) -> str:
@@ -144,26 +141,14 @@ def not_run(rows: Sequence[Row]) -> str:
     reasons: dict[str, list[str]] = {}
     for r in rows:
         if r["status"] == "not run":
-            name = str(r["says"]) + (f" ({r['change_made']})" if r["change_made"] else "")
-            reasons.setdefault(str(r["reason"]), []).append(name)
+            name = r["says"] + (f" ({r['change_made']})" if r["change_made"] else "")
+            reasons.setdefault(r["reason"], []).append(name)
     said = "; ".join(f"{', '.join(names)}: {why}" for why, names in reasons.items())
     return f"Not varied: {said}." if said else "Every setting was varied."
 
 
-def _own(rows: Sequence[Row], key: Key) -> Row:
-    return next(r for r in rows if r["knob"] == "samples" and (r["approach"], r["family"]) == key)
-
-
-def _changes(rows: Sequence[Row], key: Key) -> list[Row]:
-    """Rows of the variants for one family."""
-    return [
-        r for r in rows
-        if r["status"] == "run" and r["knob"] != "samples" and (r["approach"], r["family"]) == key
-    ]  # fmt: skip
-
-
 def _of_scene(row: Row, rows: Sequence[Row]) -> list[Value]:
-    p, ends = number(row["probability"]), interval_of(row)
+    p, ends = row["probability"], interval_of(row)
     return [
         row["approach"], _family(row, rows), share_of(p, row["samples"]),
         None if ends is None else f"{100 * (p + ends[0]):.0f} to {100 * (p + ends[1]):.0f} %",
@@ -174,41 +159,37 @@ def _of_scene(row: Row, rows: Sequence[Row]) -> list[Value]:
 def _of_variants(rows: Sequence[Row]) -> list[list[Value]]:
     """Each variant once, with a line for each family."""
     shown: list[list[Value]] = []
-    run = [r for r in rows if r["status"] == "run" and r["knob"] != "samples"]
-    for name in dict.fromkeys(r["variant"] for r in run):
-        own = _telling([r for r in run if r["variant"] == name])
+    for name in dict.fromkeys(r["variant"] for r in rows):
+        own = _telling([r for r in rows if r["variant"] == name])
         about = [own[0][n] for n in ("says", "change_made", "seconds", "memory_mb")]
-        for row in own:
-            shown.append([*about, row["approach"], *_change_cells(row, run)])
-            about = [""] * len(about)
+        for i, row in enumerate(own):
+            cells = [row["approach"], *_change_cells(row, rows)]
+            shown.append([*(about if i == 0 else [""] * len(about)), *cells])
     return shown
 
 
 def _telling(rows: Sequence[Row]) -> list[Row]:
     """Rows without those of all modes together that say what an approach's only family says."""
-    families = [r for r in rows if r["family"] != "any"]
-    same = ("approach", "probability", "change", "change_low", "change_high")
-    alone = {
-        tuple(r[n] for n in same) for r in families
-        if sum(f["approach"] == r["approach"] for f in families) == 1
-    }  # fmt: skip
-    return [r for r in rows if r["family"] != "any" or tuple(r[n] for n in same) not in alone]
+    families = Counter(r["approach"] for r in rows if r["family"] != "any")
+    return [r for r in rows if r["family"] != "any" or families[r["approach"]] != 1]
 
 
 def _change_cells(row: Row, rows: Sequence[Row]) -> list[Value]:
-    order = [f"{number(row[f'{n}_order']):.2f} ({n})" for n in ("frequency", "damping")
-             if row[f"{n}_order"] is not None]  # fmt: skip
-    limits = [
-        f"{number(row[f'{n}_limit{u}']):.5g} +- {number(row[f'{n}_gci{u}']):.2g}{s}"
-        for n, u, s in (("frequency", "_hz", " Hz"), ("damping", "", ""))
-        if row[f"{n}_limit{u}"] is not None
+    order = [
+        f"{row[f'{name}_order']:.2f} ({name})"
+        for name in ("frequency", "damping")
+        if row[f"{name}_order"] is not None
     ]
+    limits = [
+        f"{row[f'{name}_limit{unit}']:.5g} +- {row[f'{name}_gci{unit}']:.2g}{said}"
+        for name, unit, said in (("frequency", "_hz", " Hz"), ("damping", "", ""))
+        if row[f"{name}_limit{unit}"] is not None
+    ]
+    paired = "the same" if row["paired"] == "yes" else "independent"
     return [
-        _family(row, rows), change_of(row),
-        None if row["samples"] == 1 else "the same" if row["paired"] == "yes" else "independent",
-        _spread(row, "frequency", "_hz"),
-        _spread(row, "damping", ""), ", ".join(order) or None, ", ".join(limits) or None,
-        row["reason"],
+        _family(row, rows), change_of(row), None if row["samples"] == 1 else paired,
+        _spread(row, "frequency", "_hz"), _spread(row, "damping", ""), ", ".join(order) or None,
+        ", ".join(limits) or None, row["reason"],
     ]  # fmt: skip
 
 
@@ -227,6 +208,5 @@ def _family(row: Row, rows: Sequence[Row]) -> str:
 def _spread(row: Row, name: str, unit: str) -> str | None:
     bias, scatter = row[f"{name}_bias{unit}"], row[f"{name}_scatter{unit}"]
     if bias is None:
-        return None if scatter is None else f"{number(scatter):.2g}"
-    said = f"{number(bias):+.2g}"
-    return said if scatter is None else f"{said} ({number(scatter):.2g})"
+        return None if scatter is None else f"{scatter:.2g}"
+    return f"{bias:+.2g}" if scatter is None else f"{bias:+.2g} ({scatter:.2g})"

@@ -20,11 +20,13 @@ from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.report.page_blocks import Table, Text
 from brake_fenicsx.results.ensemble_statistics import difference
 from brake_fenicsx.results.families import same_families
+from brake_fenicsx.results.family_shapes import FILE as SHAPES
 from brake_fenicsx.results.run import RunData, read_run
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.results.versions import differences
 
 from .page import (
+    Row,
     ShareChange,
     change_of,
     frequency_text,
@@ -34,14 +36,13 @@ from .page import (
     share_of,
 )
 from .surfaces import COLUMNS as SURFACE_COLUMNS
-from .surfaces import of_surfaces, surface_blocks, surface_rows, surface_text
+from .surfaces import surface_blocks, surface_rows, surface_text
 
-Row = dict[str, Value]
 Shapes = dict[str, NDArray]
 COLUMNS = (
     "approach", "family_a", "family_b", "mac", "frequency_a_hz", "frequency_b_hz", "samples_a",
-    "samples_b", "probability_a", "probability_b", "change", "change_low", "change_high", "paired",
-    "median_damping_a", "median_damping_b",
+    "samples_b", "probability_a", "probability_b", "change", "change_low", "change_high",
+    "paired", "median_damping_a", "median_damping_b",
 )  # fmt: skip
 HEADS = (
     "approach", "family", "frequency in A [kHz]", "in B [kHz]", "samples that squeal in A",
@@ -79,13 +80,14 @@ def compare_runs(
     Raises:
         SceneError: a folder holds no modes, or the runs have no approach in common.
     """
-    one, two = read_run(a), read_run(b)
-    for run in (one, two):
-        if run.modes is None or run.samples is None:
+    runs = read_run(a), read_run(b)
+    for run in runs:
+        if not _has_modes(run):
             raise SceneError(
                 f"{run.directory}: contains no modes to compare; run the scene with the stage"
                 " stability, or both with a surface"
             )
+    one, two = runs
     common = [name for name in one.approaches if name in two.approaches]
     if not common:
         raise SceneError(
@@ -94,21 +96,22 @@ def compare_runs(
         )
     rows = []
     for approach in common:
-        paired = may_pair and _paired(one, two, approach)
-        rows.append(_row(approach, _side(one, approach), _side(two, approach), None, paired))
-        rows += [_row(approach, *pair, paired) for pair in _matched(one, two, approach)]
+        seeds = [_seeds(run, approach) for run in runs]
+        paired = may_pair and seeds[0] == seeds[1] and len(seeds[0]) > 1
+        whole = _side(one, approach), _side(two, approach), None
+        rows += [_row(approach, *pair, paired) for pair in [whole, *_matched(one, two, approach)]]
     return rows
 
 
-def _paired(one: RunData, two: RunData, approach: str) -> bool:
-    """Whether both runs have samples with the same random numbers."""
-    seeds = []
-    for table in (one.samples, two.samples):
-        if table is None:
-            return False
-        own = (table["approach"] == approach) & (table["status"] == "ok")
-        seeds.append((list(table["sample"][own]), list(table["seed"][own])))
-    return seeds[0] == seeds[1] and len(seeds[0][0]) > 1
+def _has_modes(run: RunData) -> bool:
+    return run.modes is not None and run.samples is not None
+
+
+def _seeds(run: RunData, approach: str) -> list[tuple[int, int]]:
+    """Number and seed of every sample that ended well: those of paired samples are the same."""
+    table = run.samples or {}
+    own = (table["approach"] == approach) & (table["status"] == "ok")
+    return list(zip(table["sample"][own], table["seed"][own], strict=True))
 
 
 def _side(run: RunData, approach: str, family: int | None = None) -> Side:
@@ -123,24 +126,24 @@ def _side(run: RunData, approach: str, family: int | None = None) -> Side:
 
 def _matched(one: RunData, two: RunData, approach: str) -> list[tuple[Side, Side, float | None]]:
     """Pairs of families that are the same mode; one that a run lacks does not squeal there."""
-    first, second = (
-        sorted(f.key for f in run.squeal.families(approach) if f.key >= 0) for run in (one, two)
-    )
-    a, b = ([_side(run, approach, n) for n in own] for run, own in ((one, first), (two, second)))
-    shapes, pairs = (_shapes(one), _shapes(two)), []
-    if first and second and shapes[0] is not None and shapes[1] is not None:
-        X, Y = _at_common_nodes(shapes[0], first, shapes[1], second)
+    runs = one, two
+    numbers = [sorted(f.key for f in r.squeal.families(approach) if f.key >= 0) for r in runs]
+    a, b = ([_side(run, approach, n) for n in own] for run, own in zip(runs, numbers, strict=True))
+    shapes, pairs = [shapes_of(run) for run in runs], []
+    if a and b and shapes[0] is not None and shapes[1] is not None:
+        X, Y = _at_common_nodes(shapes[0], numbers[0], shapes[1], numbers[1])
         f, g = (np.array([side.frequency for side in own], float) for own in (a, b))
         pairs = same_families(X, f, Y, g)
     rows: list[tuple[Side, Side, float | None]] = [(a[i], b[j], mac) for i, j, mac in pairs]
-    silent = [Side(None, np.zeros(run.squeal.good(approach).size, bool)) for run in (one, two)]
+    silent = [Side(None, np.zeros(run.squeal.good(approach).size, bool)) for run in runs]
     rows += [(s, silent[1], None) for i, s in enumerate(a) if i not in {p[0] for p in pairs}]
     rows += [(silent[0], s, None) for j, s in enumerate(b) if j not in {p[1] for p in pairs}]
     return sorted(rows, key=lambda row: row[0].frequency or row[1].frequency or 0.0)
 
 
-def _shapes(run: RunData) -> Shapes | None:
-    path = run.directory / "shapes.npz"
+def shapes_of(run: RunData) -> Shapes | None:
+    """Shapes of the families of a run, see ``results.family_shapes``; None if it has none."""
+    path = run.directory / SHAPES
     if not path.is_file():
         return None
     with reading(path, "as an npz file", "`run` of the scene makes it again"):
@@ -198,63 +201,55 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
     Raises:
         SceneError: nothing of them can be compared, or the runs have no approach in common.
     """
-    one, two = read_run(a), read_run(b)
-    surfaces, alone = _surfaces(one, two)
-    rows = [] if alone else compare_runs(one, two)
+    runs = read_run(a), read_run(b)
+    rows, surfaces = _compared(*runs)
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     if surfaces:
         write_rows(folder / "compare_surface.csv", SURFACE_COLUMNS, surfaces)
-    where = [f"{name}: {run.directory.resolve()}" for name, run in (("A", one), ("B", two))]
-    blocks = surface_blocks((one, two)) if surfaces else []
-    if alone:
-        title = "Two surfaces compared"
-        return page_of_changes(folder / "compare.html", title, where, None, blocks)
-    write_rows(folder / "compare.csv", COLUMNS, rows)
-    paired = any(row["paired"] == "yes" for row in rows)
-    how = (
-        "Samples of the same number have the same random numbers in both runs: the interval is that"
-        " of paired shares." if paired else "The intervals are those of independent samples."
-    )  # fmt: skip
-    lines = [
-        ShareChange(
-            f"{row['approach']}, {_name(row, rows)}", float(row["probability_a"] or 0),
-            float(row["probability_b"] or 0), change=interval_of(row),
-        ) for row in rows
-    ]  # fmt: skip
-    text = "Share of samples in which a family squeals, with the 95 % interval of its change."
-    return page_of_changes(
-        folder / "compare.html", "Two runs compared",
-        [f"{text} ({run.criterion})" for text, run in zip(where, (one, two), strict=True)]
-        + [f"Warning: {text}." for text in _doubts(one, two)],
-        picture_of(lines, ("A", "B"), text),
-        [
-            Text(
-                "Families are matched by shape (modal assurance criterion at the nodes); a family"
-                f" without a match does not squeal in the other run. {how}"
-            ),
-            Table(HEADS, _shown(rows)),
-            *blocks,
-        ],
-    )  # fmt: skip
+    where = [f"{name}: {run.directory.resolve()}" for name, run in zip("AB", runs, strict=True)]
+    blocks, title = surface_blocks(runs, surfaces) if surfaces else [], "Two surfaces compared"
+    if rows:
+        write_rows(folder / "compare.csv", COLUMNS, rows)
+        title, shown = "Two runs compared", _shown(rows)
+        how = (
+            "Samples of the same number have the same random numbers in both runs: the interval is"
+            " that of paired shares."
+            if any(row["paired"] == "yes" for row in rows)
+            else "The intervals are those of independent samples."
+        )
+        lines = [
+            ShareChange(
+                f"{row['approach']}, {_label(cells)}", row["probability_a"], row["probability_b"],
+                change=interval_of(row),
+            ) for row, cells in zip(rows, shown, strict=True)
+        ]  # fmt: skip
+        text = "Share of samples in which a family squeals, with the 95 % interval of its change."
+        how = (
+            "Families are matched by shape (modal assurance criterion at the nodes); a family"
+            f" without a match does not squeal in the other run. {how}"
+        )
+        blocks = [picture_of(lines, ("A", "B"), text), Text(how), Table(HEADS, shown), *blocks]
+        where = [f"{text} ({run.criterion})" for text, run in zip(where, runs, strict=True)]
+        where += [f"Warning: {text}." for text in _doubts(*runs)]
+    return page_of_changes(folder / "compare.html", title, where, blocks)
 
 
 def comparison_text(a: str | Path | RunData, b: str | Path | RunData) -> str:
     """The comparison of two runs for the terminal, see `write_comparison`."""
-    one, two = read_run(a), read_run(b)
-    surfaces, alone = _surfaces(one, two)
-    text = [surface_text((one, two))] if surfaces else []
-    if alone:
-        return "\n".join(text)
-    rows = compare_runs(one, two)
-    return "\n".join([text_table(HEADS, _shown(rows)), *_doubts(one, two), *text])
+    runs = read_run(a), read_run(b)
+    rows, surfaces = _compared(*runs)
+    text = [text_table(HEADS, _shown(rows)), *_doubts(*runs)] if rows else []
+    return "\n".join([*text, surface_text(surfaces)] if surfaces else text)
 
 
-def _surfaces(one: RunData, two: RunData) -> tuple[list[list[Value]], bool]:
-    """Rows of two surfaces that differ, and whether they are all that can be compared."""
-    rows = surface_rows((one, two)) if of_surfaces((one, two)) else []
-    alone = bool(rows) and any(run.modes is None or run.samples is None for run in (one, two))
-    return (rows if alone or any(row[7] not in (None, 1.0) for row in rows) else []), alone
+def _compared(one: RunData, two: RunData) -> tuple[list[Row], list[list[Value]]]:
+    """Rows of the families, and of the surfaces where they differ or nothing else is there."""
+    surfaces = surface_rows((one, two))
+    if surfaces and not (_has_modes(one) and _has_modes(two)):
+        return [], surfaces
+    differ = any(row[7] not in (None, 1.0) for row in surfaces)
+    return compare_runs(one, two), surfaces if differ else []
 
 
 def _doubts(one: RunData, two: RunData) -> list[str]:
@@ -264,43 +259,37 @@ def _doubts(one: RunData, two: RunData) -> list[str]:
         lines.append("A and B are the same folder; name two")
     if made := differences(one.summary, two.summary):
         lines.append(f"A and B were made differently: {'; '.join(made)}")
-    if one.threshold == two.threshold:
-        return lines
-    a, b = (f"{-run.threshold if run.threshold else 0:g}" for run in (one, two))
-    return [
-        *lines,
-        f"A counts squeal below {a}, B below {b}; set one stability.threshold and run both again"
-        " (no sample is computed again)",
-    ]
-
-
-def _all(row: Row) -> bool:
-    """Whether a row is that of all modes together."""
-    return row["family_a"] is None and row["family_b"] is None
-
-
-def _frequency(row: Row, rows: Sequence[Row], name: str) -> str:
-    """Frequency of a family, with the digits that tell it from others of its approach."""
-    own = [r[name] for r in rows if r["approach"] == row["approach"] and not _all(r)]
-    return frequency_text(row[name], own)
-
-
-def _name(row: Row, rows: Sequence[Row]) -> str:
-    name = "frequency_a_hz" if row["frequency_a_hz"] is not None else "frequency_b_hz"
-    return "any" if _all(row) else f"{_frequency(row, rows, name)} kHz"
+    if one.threshold != two.threshold:
+        a, b = (f"{-run.threshold if run.threshold else 0:g}" for run in (one, two))
+        lines.append(
+            f"A counts squeal below {a}, B below {b}; set one stability.threshold and run both"
+            " again (no sample is computed again)"
+        )
+    return lines
 
 
 def _shown(rows: Sequence[Row]) -> list[list[Value]]:
-    return [_cells(row, rows) for row in rows]
+    """Cells of the rows as a person reads them, in the order of HEADS."""
+    return [_cells(row, [r for r in rows if r["approach"] == row["approach"]]) for row in rows]
 
 
-def _cells(row: Row, rows: Sequence[Row]) -> list[Value]:
-    family = row["family_a"] if row["family_a"] is not None else row["family_b"]
+def _cells(row: Row, among: Sequence[Row]) -> list[Value]:
+    """Those of a row; frequencies have the digits that tell them from others of the approach."""
+    number = row["family_b"] if row["family_a"] is None else row["family_a"]
+    frequency = ["-", "-"]
+    if number is not None:
+        hertz = ([r[f"frequency_{side}_hz"] for r in (row, *among[1:])] for side in "ab")
+        frequency = [frequency_text(own, others) for own, *others in hertz]
+    damping = (row[f"median_damping_{side}"] for side in "ab")
     return [
-        row["approach"], "any" if _all(row) else family,
-        *("-" if _all(row) else _frequency(row, rows, f"frequency_{r}_hz") for r in "ab"),
-        *(share_of(row[f"probability_{r}"], row[f"samples_{r}"]) for r in "ab"),
-        change_of(row),
-        *("-" if (d := row[f"median_damping_{r}"]) is None else f"{float(d):.3g}" for r in "ab"),
-        "-" if row["mac"] is None else f"{float(row['mac']):.2f}",
+        row["approach"], "any" if number is None else number, *frequency,
+        *(share_of(row[f"probability_{side}"], row[f"samples_{side}"]) for side in "ab"),
+        change_of(row), *("-" if d is None else f"{d:.3g}" for d in damping),
+        "-" if row["mac"] is None else f"{row['mac']:.2f}",
     ]  # fmt: skip
+
+
+def _label(cells: Sequence[Value]) -> str:
+    """Name of a line of the picture, of its cells in the table."""
+    _, family, a, b, *_ = cells
+    return "any" if family == "any" else f"{b if a == '-' else a} kHz"

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import gc
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from mpi4py import MPI
 
@@ -19,8 +19,7 @@ import numpy as np
 
 from brake_fenicsx.build.brake import check_brake
 from brake_fenicsx.build.values import Values
-from brake_fenicsx.errors import BrakeError, SceneError, StorageError
-from brake_fenicsx.extras.variants.countermeasure_keys import Countermeasure
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
@@ -28,7 +27,6 @@ from brake_fenicsx.folder.store import Store
 from brake_fenicsx.model import Model, prepare
 from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
 from brake_fenicsx.results.run import read_run
-from brake_fenicsx.results.tables import Value
 from brake_fenicsx.samples.random_inputs import (
     check_values,
     law_factor,
@@ -42,15 +40,16 @@ from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.units import quantity_text
 
 from .comparison import compare_runs, write_comparison
+from .countermeasure_keys import Countermeasure
 from .countermeasures_page import COLUMNS, countermeasures_text, write_countermeasures
-from .runs import Runs
+from .page import Row
+from .runs import Runs, or_note
 from .trial import MOST, Trial, Worst, enough, smallest_change, worst_family
 
 # Values tried from the scene's one outward, and accuracy of the smallest change relative to the
 # whole range.
 STEPS, ACCURACY = 8, 0.01
 OUTCOMES = "outcomes.json"
-T = TypeVar("T")
 
 
 class Search:
@@ -88,12 +87,9 @@ class Search:
                 raise SceneError(f"{error} (countermeasures.key = {c.key!r}, to)") from None
         samples, stability = self.scene.samples, self.scene.stability
         self.approach = next(a for a in ROUGH if a in samples.approaches)
-        about = [
-            self.approach, samples.plan(self.approach).n,
-            stability.threshold if stability else 0.0,
-        ]  # fmt: skip
+        n, threshold = samples.plan(self.approach).n, stability.threshold if stability else 0.0
         ends = [[c.key, c.start, c.stop] for c in named]
-        self._mark = digest([result_digest(self.scene), *about, ends])
+        self._mark = digest([result_digest(self.scene), self.approach, n, threshold, ends])
         self.found: dict[str, dict[str, Any]] = on_first(self._stored, comm)
 
     def _stored(self) -> dict[str, dict[str, Any]]:
@@ -116,13 +112,6 @@ class Search:
                 f" {remedy}"
             )
         return dict(stored["found"])
-
-    def keep(self, c: Countermeasure, **found: Any) -> None:
-        """Store what is known of a countermeasure."""
-        self.found[c.key] = found
-        if self.runs.comm.rank == 0:
-            content = {"mark": self._mark, "found": self.found}
-            Store(self.runs.folder).save_json(OUTCOMES, content)
 
     def changes(self, c: Countermeasure, x: float) -> list[str]:
         """Replacements that give the scene another value; computed laws follow a modulus.
@@ -163,24 +152,26 @@ class Search:
         gc.collect()
         self.runs.comm.Barrier()
 
-    def _outcomes(self, c: Countermeasure, trial: Trial, x: float) -> Iterable[bool]:
-        logger.info("%s = %s: samples ...", c.key, quantity_text(x, c.unit))
-        return trial.outcomes(x)
-
     def search(self, c: Countermeasure, worst: Worst) -> None:
         """Find the first-order effect and the smallest change of a number; collective."""
-        trial, note = _or_note(partial(self._trial, c, worst))
-        effect = change = None
-        if trial is not None:
-            ends, n = (c.start, c.stop), len(worst.samples)
-            slope = partial(trial.slope, *ends)
-            effect, note = _or_note(partial(on_first, slope, self.runs.comm))
-            outcomes = partial(self._outcomes, c, trial)
-            if not note:
-                found = partial(smallest_change, outcomes, ends, n, STEPS, ACCURACY)
-                change, note = _or_note(found)
-        share = None if change is None else [change.share.hits, change.share.n]
-        self.keep(c, first_order=effect, value=change and change.value, share=share, note=note)
+        found: dict[str, Any] = dict.fromkeys(("first_order", "value", "share"))
+
+        def search() -> None:
+            trial, ends = self._trial(c, worst), (c.start, c.stop)
+            found["first_order"] = on_first(partial(trial.slope, *ends), self.runs.comm)
+
+            def outcomes(x: float) -> Iterable[bool]:
+                logger.info("%s = %s: samples ...", c.key, quantity_text(x, c.unit))
+                return trial.outcomes(x)
+
+            change = smallest_change(outcomes, ends, len(worst.samples), STEPS, ACCURACY)
+            found.update(value=change.value, share=[change.share.hits, change.share.n])
+
+        _, note = or_note(search)
+        self.found[c.key] = found | {"note": note}
+        if self.runs.comm.rank == 0:
+            content = {"mark": self._mark, "found": self.found}
+            Store(self.runs.folder).save_json(OUTCOMES, content)
 
 
 def find_countermeasures(
@@ -232,33 +223,21 @@ def find_countermeasures(
     search.release()
     known = {c.key: search.found[c.key]["first_order"] for c in named}
     ranked = sorted(named, key=lambda c: np.inf if known[c.key] is None else -known[c.key])
-    cells = [[rank, *_row(search, c, worst, rank)] for rank, c in enumerate(ranked, 1)]
-    rows = [dict(zip(COLUMNS, row, strict=True)) for row in cells]
+    rows = [_row(search, c, worst, rank) for rank, c in enumerate(ranked, 1)]
     if comm.rank == 0:
         print(countermeasures_text(rows))
     return on_first(lambda: write_countermeasures(folder, worst, rows), comm)
 
 
-def _or_note(work: Callable[[], T]) -> tuple[T | None, str]:
-    """What is found, or nothing and why."""
-    try:
-        return work(), ""
-    except StorageError:
-        raise
-    except BrakeError as error:
-        logger.warning("%s", error)
-        return None, str(error)
-
-
-def _row(search: Search, c: Countermeasure, worst: Worst, rank: int) -> list[Value]:
-    """One row of the table after its rank: the smallest change, and what a run with it says."""
+def _row(search: Search, c: Countermeasure, worst: Worst, rank: int) -> Row:
+    """One row of the table: the smallest change, and what a run with it says."""
     found = search.found[c.key]
     value, notes = found["value"], [found["note"]] if found["note"] else []
     after = wilson(*found["share"]) if found["share"] else None
     loud, verified = None, False
     if value is not None:
         changes = search.changes(c, value)
-        folder, note = _or_note(partial(search.runs.run, f"after-{rank}", changes))
+        folder, note = or_note(partial(search.runs.run, f"after-{rank}", changes))
         if folder is None:
             notes.append(f"the run failed: {note}")
         else:
@@ -271,20 +250,20 @@ def _row(search: Search, c: Countermeasure, worst: Worst, rank: int) -> list[Val
                 notes.append("other modes squeal")
     elif after is not None:
         notes.append("not sufficient even at the limit; share given for the limit")
-    shares: list[Value] = [None] * 3 if after is None else [*after.cells]
-    return [
-        c.key, c.start, c.stop, c.unit, found["first_order"], value, worst.count.share.value,
-        *shares, worst.any.value, loud and loud.value, "yes" if verified else "no",
-        "; ".join(notes),
-    ]  # fmt: skip
+    cells = (
+        rank, c.key, c.start, c.stop, c.unit, found["first_order"], value, worst.count.share.value,
+        *([None] * 3 if after is None else after.cells), worst.any.value, loud and loud.value,
+        "yes" if verified else "no", "; ".join(notes),
+    )  # fmt: skip
+    return dict(zip(COLUMNS, cells, strict=True))
 
 
 def _compared(before: Path, after: Path, worst: Worst) -> tuple[Proportion, Proportion]:
     """Shares of samples after a change in which the worst family and any family squeal."""
     write_comparison(before, after, after)
-    mine = [r for r in compare_runs(before, after) if r["approach"] == worst.count.approach]
+    rows = [r for r in compare_runs(before, after) if r["approach"] == worst.count.approach]
     # The first row is that of all families together.
-    same = next(row for row in mine if row["family_a"] == worst.count.key)
-    n = int(mine[0]["samples_b"] or 0)
-    own, loud = (wilson(round(float(r["probability_b"] or 0) * n), n) for r in (same, mine[0]))
+    same = next(row for row in rows if row["family_a"] == worst.count.key)
+    n = rows[0]["samples_b"]
+    own, loud = (wilson(round(row["probability_b"] * n), n) for row in (same, rows[0]))
     return own, loud

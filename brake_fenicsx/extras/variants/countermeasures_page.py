@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from brake_fenicsx.report.overview import share_text
 from brake_fenicsx.report.page_blocks import Table, Text
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene.units import quantity_text
 
-from .page import Row, ShareChange, page_of_changes, picture_of, with_interval
+from .page import Row, ShareChange, page_of_changes, picture_of
 from .trial import MOST, SURE, Worst, allowed, excluded
 
 COLUMNS = (
@@ -37,20 +38,21 @@ def write_countermeasures(folder: Path, worst: Worst, rows: Sequence[Row]) -> Pa
         The page.
     """
     write_rows(folder / "countermeasures.csv", COLUMNS, rows)
-    family, lines = worst.count, [line for row in rows for line in _lines(row)]
-    n = len(worst.samples)
-    text = (
+    family, n = worst.count, len(worst.samples)
+    caption = (
         "Share of samples that squeal now and after each change, with its 95 % interval. Dotted:"
         f" {100 * MOST:.0f} %."
     )
+    lines = [line for row in rows for line in _lines(row)]
     return page_of_changes(
-        folder / "countermeasures.html", "Countermeasures",
+        folder / "countermeasures.html",
+        "Countermeasures",
         [f"Worst family: {family.kilohertz} kHz, squeals in {family.share.hits} of"
          f" {family.share.n} samples of {family.approach}.",
          f"Searched: at most {allowed(n)} of {n} samples squeal; of all, with a confidence of"
          f" {100 * SURE:.0f} %, at most {100 * excluded(n):.1f} %."],
-        picture_of(lines, ("now", "after the change"), text, limit=MOST),
         [
+            picture_of(lines, ("now", "after the change"), caption, limit=MOST),
             Text(
                 "For each number of the scene the smallest change that the search found, ranked by"
                 " first-order effect. Verified: in a whole run with the change the worst family"
@@ -76,22 +78,24 @@ def countermeasures_text(rows: Sequence[Row]) -> str:
 
 
 def _shown(row: Row) -> list[Value]:
-    first = row["first_order"]
-    now, any_now, any_after = (
-        "-" if row[name] is None else f"{100 * float(row[name] or 0):.0f} %"
-        for name in ("share_before", "any_before", "any_after")
-    )
+    first, after = row["first_order"], [row[f"share_after{end}"] for end in ("", "_low", "_high")]
     return [
         row["rank"], row["key"], _quantity(row, "value_scene"), _quantity(row, "value_to"),
-        "-" if first is None else f"{float(first):+.3g}", _quantity(row, "smallest_value"), now,
-        with_interval(row, "share_after"), any_now, any_after, row["verified"], row["note"] or "",
+        "-" if first is None else f"{first:+.3g}", _quantity(row, "smallest_value"),
+        _percent(row["share_before"]), _percent(after[0]) if after[1] is None else
+        share_text(*after), _percent(row["any_before"]), _percent(row["any_after"]),
+        row["verified"], row["note"],
     ]  # fmt: skip
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.0f} %"
 
 
 def _quantity(row: Row, name: str) -> str:
     """A value of a row with its unit, in as many digits as the search has."""
     value = row[name]
-    return "none" if value is None else quantity_text(float(f"{value:.4g}"), str(row["unit"] or ""))
+    return "none" if value is None else quantity_text(float(f"{value:.4g}"), row["unit"])
 
 
 def _lines(row: Row) -> list[ShareChange]:
@@ -99,12 +103,10 @@ def _lines(row: Row) -> list[ShareChange]:
     enough = row["smallest_value"] is not None
     reached = _quantity(row, "smallest_value" if enough else "value_to")
     change = f"{_quantity(row, 'value_scene')} to {reached}{'' if enough else ' (not sufficient)'}"
-    before, after, low, high, any_before, any_after = (
-        None if row[name] is None else float(row[name] or 0)
-        for name in (*COLUMNS[7:11], "any_before", "any_after")
-    )
-    ends = None if low is None or high is None else (low, high)
-    lines = [ShareChange(f"{row['key']}\n{change}", before or 0.0, after, ends)]
-    if any_after is not None:
-        lines.append(ShareChange("any family", any_before or 0.0, any_after))
+    after, *ends = (row[f"share_after{end}"] for end in ("", "_low", "_high"))
+    known = None if None in ends else (ends[0], ends[1])
+    after = float("nan") if after is None else after
+    lines = [ShareChange(f"{row['key']}\n{change}", row["share_before"], after, known)]
+    if row["any_after"] is not None:
+        lines.append(ShareChange("any family", row["any_before"], row["any_after"]))
     return lines

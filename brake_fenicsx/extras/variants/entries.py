@@ -19,7 +19,8 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import least_damped
 from brake_fenicsx.results.tables import Value
 
-from .comparison import Row, compare_runs
+from .comparison import compare_runs
+from .page import Row
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -105,17 +106,15 @@ def entries(scene: RunData, variant: RunData, may_pair: bool) -> list[Row]:
             **{name: c[name] for name in ("change", "change_low", "change_high", "paired")},
         )  # fmt: skip
         if not whole:
-            known = c["frequency_a_hz"] is not None
-            row["frequency_hz"] = c["frequency_a_hz" if known else "frequency_b_hz"]
-        if whole or (a is not None and b is not None):
-            first = family_values(scene, str(c["approach"]), a)
-            second = family_values(variant, str(c["approach"]), b)
+            row["frequency_hz"] = c["frequency_b_hz" if a is None else "frequency_a_hz"]
+        if whole or None not in (a, b):
+            sides = (scene, a), (variant, b)
+            one, two = (family_values(run, c["approach"], family) for run, family in sides)
             if paired:
-                first, second = first.align(second, join="inner", axis=0)
-            for column, name, unit in VALUES:
-                if whole and name == "frequency":  # the least damped mode may be another one
-                    continue
-                x, y = (v[column].to_numpy() for v in (first, second))
+                one, two = one.align(two, join="inner", axis=0)
+            # Of all modes together the least damped one may be another one.
+            for column, name, unit in VALUES[1:] if whole else VALUES:
+                x, y = one[column].to_numpy(), two[column].to_numpy()
                 bias, scatter = bias_and_scatter(x, y, paired)
                 row[f"{name}_bias{unit}"], row[f"{name}_scatter{unit}"] = bias, scatter
         rows.append(row)
@@ -126,19 +125,18 @@ def statistical(scene: RunData) -> list[Row]:
     """The scene's own uncertainty: Wilson's interval, and a bootstrap of the medians."""
     rows = []
     for c in compare_runs(scene, scene):
-        n, p = int(c["samples_a"] or 0), float(c["probability_a"] or 0.0)
-        share, family = wilson(round(p * n), n), c["family_a"]
+        n, p, family = c["samples_a"], c["probability_a"], c["family_a"]
         row = blank(
             knob="samples", says="the number of samples", kind="statistics", status="run",
-            variant="samples",
-            change_made="one sample" if n == 1 else f"{n} samples", approach=c["approach"],
-            family="any" if family is None else family, frequency_hz=c["frequency_a_hz"],
-            samples=n, probability=p, change=0.0,
+            variant="samples", change_made="one sample" if n == 1 else f"{n} samples",
+            approach=c["approach"], family="any" if family is None else family,
+            frequency_hz=c["frequency_a_hz"], samples=n, probability=p, change=0.0,
         )  # fmt: skip
         if n > 1:
+            share = wilson(round(p * n), n)
             row["change_low"], row["change_high"] = share.low - p, share.high - p
         if family is not None and n > 1:
-            values = family_values(scene, str(c["approach"]), family).to_numpy()
+            values = family_values(scene, c["approach"], family).to_numpy()
             drawn = np.random.default_rng(0).integers(0, len(values), (BOOTSTRAP, len(values)))
             scatter = np.median(values[drawn], axis=1).std(axis=0)
             row["frequency_scatter_hz"], row["damping_scatter"] = map(float, scatter)
@@ -148,27 +146,25 @@ def statistical(scene: RunData) -> list[Row]:
 
 def extrapolate(rows: list[Row], knob: str, ratio: float, scene: RunData) -> None:
     """Fill in order, limit and index of the second variant of a resolution, where it settles."""
-    for row in rows:
-        if (row["knob"], row["variant"]) != (knob, f"{knob}-2") or row["family"] in (None, "any"):
+    first, second = ([r for r in rows if r["variant"] == f"{knob}-{n}"] for n in (1, 2))
+    before = {(r["approach"], r["family"]): r for r in first}
+    for row in second:
+        key = row["approach"], row["family"]
+        if key not in before or key[1] in (None, "any"):
             continue
-        same = ("approach", "family")
-        before = [r for r in rows if r["variant"] == f"{knob}-1"
-                  and all(r[k] == row[k] for k in same)]  # fmt: skip
-        values = family_values(scene, str(row["approach"]), row["family"])
-        if not before or values.empty:
-            continue
+        values = family_values(scene, *key)
         for column, name, unit in VALUES:
-            first, second = before[0][f"{name}_bias{unit}"], row[f"{name}_bias{unit}"]
-            if first is None or second is None:
+            coarse, fine = before[key][f"{name}_bias{unit}"], row[f"{name}_bias{unit}"]
+            if coarse is None or fine is None:
                 continue
             start = float(values[column].median())
-            limit = richardson(start, start + float(first), start + float(second), ratio)
+            limit = richardson(start, start + coarse, start + fine, ratio)
             if limit is None:
                 reason = f"{name} does not settle: no order"
                 row["reason"] = f"{row['reason']}; {reason}" if row["reason"] else reason
-                continue
-            row[f"{name}_order"], row[f"{name}_limit{unit}"] = limit.order, limit.value
-            row[f"{name}_gci{unit}"] = limit.index
+            else:
+                row[f"{name}_order"], row[f"{name}_limit{unit}"] = limit.order, limit.value
+                row[f"{name}_gci{unit}"] = limit.index
 
 
 def blank(**cells: Value) -> Row:
@@ -176,7 +172,7 @@ def blank(**cells: Value) -> Row:
     return dict.fromkeys(COLUMNS) | cells
 
 
-def family_values(run: RunData, approach: str, family: Value) -> pd.DataFrame:
+def family_values(run: RunData, approach: str, family: int | None) -> pd.DataFrame:
     """Frequency [Hz] and damping [-] of a family's least damped mode, by number of the sample.
 
     Args:
@@ -191,14 +187,12 @@ def family_values(run: RunData, approach: str, family: Value) -> pd.DataFrame:
 
 def _same_elements(one: RunData, two: RunData) -> bool:
     """Whether two runs have the same contact elements, so that element i draws the same."""
+    if one.contact is None or two.contact is None:
+        return True
     places = []
-    for run in (one, two):
-        if run.contact is None:
-            return True
-        c = run.contact
+    for c in (one.contact, two.contact):
         first = (c["sample"] == c["sample"][0]) & (c["approach"] == c["approach"][0])
         places.append(np.column_stack([c[x][first] for x in "xyz"]))
+    a, b = places
     # Gmsh's vertices agree to its tolerance of geometry.
-    return places[0].shape == places[1].shape and bool(
-        np.allclose(places[0], places[1], atol=1e-6, rtol=0.0)
-    )
+    return a.shape == b.shape and bool(np.allclose(a, b, atol=1e-6, rtol=0.0))

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx import __version__
 from brake_fenicsx.report.page_blocks import Block, Picture, Text, render, write_page
 from brake_fenicsx.report.style import BLUE, GREY, VERMILION, drawn, light_grid, new_figure
-from brake_fenicsx.results.answer import share_text
 from brake_fenicsx.results.squeal import kilohertz
-from brake_fenicsx.results.tables import Value
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Row = Mapping[str, Value]
+Row = dict[str, Any]  # cells of a table by column: str, int, float, or None where empty
 Ends = tuple[float, float]
 
 
@@ -33,7 +28,7 @@ class ShareChange:
     Attributes:
         label: of the line.
         before: share before the change.
-        after: share after it; None if it is not known.
+        after: share after it; nan if it is not known.
         ends: 95 % interval of the share after it.
         change: 95 % interval of the change.
         independent: whether the samples after it are other ones, drawn hollow.
@@ -41,31 +36,31 @@ class ShareChange:
 
     label: str
     before: float
-    after: float | None
+    after: float
     ends: Ends | None = None
     change: Ends | None = None
     independent: bool = False
 
 
 def page_of_changes(
-    path: Path, title: str, intro: Sequence[str], picture: Picture | None,
-    blocks: Sequence[Block], links: Sequence[tuple[str, str]] = (),
-) -> Path:  # fmt: skip
-    """Write a page: sentences, a picture, tables, links.
+    path: Path,
+    title: str,
+    intro: Sequence[str],
+    blocks: Sequence[Block],
+    links: Sequence[tuple[str, str]] = (),
+) -> Path:
+    """Write a page: sentences, pictures and tables, links.
 
     Args:
         path: of the page, in an existing folder.
         title: its heading.
         intro: sentences below it.
-        picture: of the changes, if there are any.
         blocks: what follows.
         links: address and text.
     """
-    shown = [*([picture] if picture is not None else []), *blocks]
-    page = render(
-        "plain.html.j2", title=title, intro=list(map(Text, intro)), blocks=shown,
-        links=list(links), version=__version__, written=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
-    )  # fmt: skip
+    texts, now = list(map(Text, intro)), f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"
+    shown = {"title": title, "intro": texts, "blocks": list(blocks), "links": list(links)}
+    page = render("plain.html.j2", **shown, version=__version__, written=now)
     return write_page(path, page)
 
 
@@ -93,18 +88,21 @@ def draw_changes(
     both = any(line.change for line in lines)
     rows = sum(1 + 0.6 * line.label.count("\n") for line in lines)
     figure, axes = new_figure(1, 1 + both, height=max(1.7, 0.25 * rows + 1.1), sharey=True)
-    left = axes[0, 0]
+    left, right = axes[0, 0], axes[0, -1]
+    hollow = {"s": 50, "facecolor": "none", "edgecolor": BLUE, "lw": 1.5, "zorder": 4}
     for y, line in enumerate(lines):
-        after = np.nan if line.after is None else line.after
         a, b = names if y == 0 else (None, None)
-        left.plot([line.before, after], [y, y], color=GREY, lw=1.0, zorder=2)
+        left.plot([line.before, line.after], [y, y], color=GREY, lw=1.0, zorder=2)
         if line.ends:
             left.plot(line.ends, [y, y], color=GREY, lw=3.0, alpha=0.5, zorder=1)
-        left.scatter([line.before], [y], 50, facecolor="none", edgecolor=BLUE, lw=1.5, zorder=4,
-                     label=a)  # fmt: skip
-        left.scatter([after], [y], 22, color=VERMILION, marker="D", zorder=3, label=b)
+        left.scatter([line.before], [y], label=a, **hollow)
+        left.scatter([line.after], [y], 22, color=VERMILION, marker="D", zorder=3, label=b)
+        if line.change:
+            right.plot(line.change, [y, y], color=GREY, lw=1.5)
         if both:
-            _draw_change(axes[0, 1], y, line)
+            face = "white" if line.independent else "black"
+            change = [line.after - line.before]
+            right.scatter(change, [y], 16, facecolor=face, edgecolor="black", zorder=3)
     left.set_yticks(range(len(lines)), [line.label.replace("$", r"\$") for line in lines])
     left.set(ylim=(len(lines) - 0.5, -0.5), xlim=(-0.03, 1.03))
     left.set_xlabel("share of samples that squeal [-]")
@@ -112,7 +110,6 @@ def draw_changes(
     if limit is not None:
         left.axvline(limit, color="black", lw=0.6, ls=":")
     if both:
-        right = axes[0, 1]
         right.axvline(0.0, color="black", lw=0.6)
         right.set_xlabel("change, 95 % interval [-]")
         if own:
@@ -123,53 +120,26 @@ def draw_changes(
     return figure
 
 
-def _draw_change(axis: Axes, y: int, line: ShareChange) -> None:
-    if line.after is None:
-        return
-    if line.change:
-        axis.plot(line.change, [y, y], color=GREY, lw=1.5)
-    face = "white" if line.independent else "black"
-    axis.scatter([line.after - line.before], [y], 16, facecolor=face, edgecolor="black", zorder=3)
-
-
-def frequency_text(hertz: Value, among: Iterable[Value] = ()) -> str:
+def frequency_text(hertz: float | None, among: Iterable[float | None]) -> str:
     """A frequency [Hz] in kHz, with the digits that tell it from others; a dash for None."""
-    if hertz is None:
-        return "-"
-    return kilohertz([float(hertz), *(float(f) for f in among if f is not None)])[0]
+    return "-" if hertz is None else kilohertz([hertz, *(f for f in among if f is not None)])[0]
 
 
-def share_of(value: Value, samples: Value) -> str:
+def share_of(value: float | None, samples: int) -> str:
     """Share of samples that squeal; of one sample whether it does."""
     if value is None:
         return "-"
     if samples == 1:
-        return "yes" if float(value) else "no"
-    return f"{100 * float(value):.0f} % of {samples}"
-
-
-def with_interval(row: Row, name: str) -> str:
-    """A share of a row in per cent, with its interval where the row has one."""
-    values = [row[name], row[f"{name}_low"], row[f"{name}_high"]]
-    text = share_text(*values)
-    return text if text != "-" or values[0] is None else f"{100 * float(values[0]):.0f} %"
+        return "yes" if value else "no"
+    return f"{100 * value:.0f} % of {samples}"
 
 
 def change_of(row: Row) -> str:
     """Change of a probability, with its interval where chance has a part in it."""
-    text = f"{number(row['change']):+.3f}"
-    if row["change_low"] is None:
-        return text
-    return f"{text} ({number(row['change_low']):+.3f} to {number(row['change_high']):+.3f})"
+    ends, text = interval_of(row), f"{row['change']:+.3f}"
+    return text if ends is None else f"{text} ({ends[0]:+.3f} to {ends[1]:+.3f})"
 
 
 def interval_of(row: Row) -> Ends | None:
     """Ends of the interval of a change; None without."""
-    if row["change_low"] is None:
-        return None
-    return number(row["change_low"]), number(row["change_high"])
-
-
-def number(value: Value) -> float:
-    """A cell as a number; nan where it is empty."""
-    return float("nan") if value is None else float(value)
+    return None if row["change_low"] is None else (row["change_low"], row["change_high"])

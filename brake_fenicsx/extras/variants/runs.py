@@ -6,15 +6,15 @@ import gc
 import json
 import resource
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from mpi4py import MPI
 
 from brake_fenicsx import pipeline
-from brake_fenicsx.errors import BrakeError
+from brake_fenicsx.errors import BrakeError, StorageError
 from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger, start_log
 from brake_fenicsx.folder.memory import release_memory
@@ -25,6 +25,7 @@ from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import result_digest
 
 RECORD = "runs.json"
+T = TypeVar("T")
 
 
 class Runs:
@@ -36,8 +37,8 @@ class Runs:
         folder: where the runs are.
         overrides: "key=value" replacements of all of them.
         cache: folder of laws and reduced models that they share.
-        record: of every run that ended, by its name, a hash of what was asked, and the seconds and
-            memory [MB] that it took, or its error.
+        record: of every finished run, by its name, a hash of what was asked, and the seconds and
+            memory [MB] that it took.
     """
 
     def __init__(
@@ -52,7 +53,8 @@ class Runs:
 
     def _recorded(self) -> dict[str, dict[str, Any]]:
         with suppress(FileNotFoundError, ValueError):
-            return dict(json.loads((self.folder / RECORD).read_text("utf-8")))
+            kept = json.loads((self.folder / RECORD).read_text("utf-8"))
+            return {name: entry for name, entry in kept.items() if "seconds" in entry}
         return {}
 
     def read(self, changes: Sequence[str] = ()) -> Scene:
@@ -61,8 +63,7 @@ class Runs:
 
     def is_done(self, name: str, changes: Sequence[str] = ()) -> bool:
         """Whether a run is finished, of the scene as it is now."""
-        entry = self.record.get(name, {})
-        return entry.get("asked") == self._asked(changes) and "error" not in entry
+        return self.record.get(name, {}).get("asked") == self._asked(changes)
 
     def run(self, name: str, changes: Sequence[str] = (), limit: float | None = None) -> Path:
         """Run the scene with some changes, or what is left of it, and record what it took.
@@ -83,8 +84,6 @@ class Runs:
             return folder
         logger.info("%s ...", folder)
         left, start = self.comm.allreduce(_resident()) - self._held, time.perf_counter()
-        entry: dict[str, Any] = {"asked": self._asked(changes)}
-        error: BrakeError | None = None
         try:
             with limited(limit, self.comm):
                 done = pipeline.run(
@@ -92,28 +91,32 @@ class Runs:
                 )
         except TimeUp:
             took = time.perf_counter() - start
-            error = BrakeError(f"stopped after {took:.0f} s, no time is left")
-        except BrakeError as failed:
-            error = failed
+            raise BrakeError(f"stopped after {took:.0f} s, no time is left") from None
         finally:
             # What follows is not of this run.
             kept = self.comm.rank == 0 and self.folder.is_dir()
             start_log(self.comm.rank, self.folder / "log.txt" if kept else None)
-        if error is None:
-            entry["memory_mb"] = round(max(done.peak_memory_mb.values()) - max(left, 0.0))
-            entry["seconds"] = time.perf_counter() - start
-        else:
-            entry["error"] = " ".join(str(error).split())
-        self.record[name] = self.comm.bcast(entry, root=0)
+        peak, seconds = max(done.peak_memory_mb.values()), time.perf_counter() - start
+        entry = {"memory_mb": round(peak - max(left, 0.0)), "seconds": seconds}
+        self.record[name] = self.comm.bcast(entry | {"asked": self._asked(changes)}, root=0)
         if kept:
             Store(self.folder).save_json(RECORD, self.record)
-        if error is not None:
-            raise error
         return folder
 
     def _asked(self, changes: Sequence[str]) -> str:
         scene = self.read(changes)
         return digest([result_digest(scene), scene.table])
+
+
+def or_note(work: Callable[[], T]) -> tuple[T | None, str]:
+    """What some work gives, or nothing and why; a folder that cannot be written ends all work."""
+    try:
+        return work(), ""
+    except StorageError:
+        raise
+    except BrakeError as error:
+        logger.warning("%s", error)
+        return None, str(error)
 
 
 def _resident() -> float:

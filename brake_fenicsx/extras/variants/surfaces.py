@@ -6,6 +6,7 @@ surface differ; for laws the band over scans stands in ``tables/law_support.csv`
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,54 +27,61 @@ if TYPE_CHECKING:
 
 Runs = tuple[RunData, RunData]
 COLUMNS = (
-    "quantity", "unit", "pressure_Pa", "a", "a_error", "b", "b_error", "ratio", "standard_errors",
+    "quantity", "unit", "pressure_Pa", "a", "a_error", "b", "b_error", "ratio",
+    "standard_errors",
 )  # fmt: skip
 HEADS = (
     "quantity", "A", "standard error", "B", "standard error", "B / A",
     "difference / standard error", "unit",
 )  # fmt: skip
-LAW_HEADS = (
-    "mean pressure [MPa]", "quantity", "A: median", "5 to 95 % of the laws", "B: median",
-    "5 to 95 % of the laws", "B / A",
-)  # fmt: skip
-AT = (("separation", "m"), ("loading stiffness", "Pa/m"), ("stiffness of vibrations", "Pa/m"),
-      ("touching share", "-"))  # fmt: skip
+# What a library says of its laws at a pressure.
+AT = (("separation", "m", "d"), ("loading stiffness", "Pa/m", "k"),
+      ("stiffness of vibrations", "Pa/m", "v"), ("touching share", "-", "area"))  # fmt: skip
 LOOKS = (BLUE, "-"), (VERMILION, "--")
-
-
-def of_surfaces(runs: Runs) -> bool:
-    """Whether both runs have a surface or laws that may be compared."""
-    return all(run.surface is not None or run.laws is not None for run in runs)
+CAPTION = (
+    "Power spectral density, bearing curve, and median stiffness of small vibrations of the laws"
+    " with the band from 5 to 95 % of them."
+)
 
 
 def surface_rows(runs: Runs) -> list[list[Value]]:
-    """Parameters of both surfaces, then the laws at some pressures, in the order of `COLUMNS`.
+    """Parameters of both surfaces, then medians of the laws at some pressures, in order of COLUMNS.
 
     Args:
-        runs: A and B.
+        runs: A and B. There are no rows where one has neither a surface nor laws.
     """
+    there = all(run.surface is not None or run.laws is not None for run in runs)
+    return [*_parameters(runs), *_laws(runs)] if there else []
+
+
+def _parameters(runs: Runs) -> Iterator[list[Value]]:
     a, b = ({str(row[0]): row for row in parameter_rows(run)} for run in runs)
-    rows: list[list[Value]] = []
-    for name in a:
-        if name in b:
-            (x, ex, unit), (y, ey, _) = (_numbers(side[name]) for side in (a, b))
-            error = None if ex is None or ey is None else float(np.hypot(ex, ey))
-            far = (y - x) / error if x is not None and y is not None and error else None
-            rows.append([name, unit, None, x, ex, y, ey, _ratio(x, y), far])
-    for p, first, second in _laws(runs):
-        for name, unit in AT:
-            (x, *_), (y, *_) = first[name], second[name]
-            rows.append([name, unit, p, x, None, y, None, _ratio(x, y), None])
-    return rows
+    for name in (name for name in a if name in b):
+        (x, ex), (y, ey) = ([_number(v) for v in side[name][1:3]] for side in (a, b))
+        error = None if ex is None or ey is None else float(np.hypot(ex, ey))
+        far = (y - x) / error if x is not None and y is not None and error else None
+        yield [name, str(a[name][3]), None, x, ex, y, ey, _ratio(x, y), far]
 
 
-def _numbers(row: list[Value]) -> tuple[float | None, float | None, str]:
-    value, error = (v if isinstance(v, float) else None for v in row[1:3])
-    return value, error, str(row[3])
+def _laws(runs: Runs) -> Iterator[list[Value]]:
+    libraries = [library for run in runs if (library := _library(run)) is not None]
+    for p in pressures(runs) if len(libraries) == 2 else []:
+        steps = [library.at_pressure(p) for library in libraries]
+        for name, unit, key in AT:
+            x, y = (_median(getattr(at, key)) for at in steps)
+            yield [name, unit, p, x, None, y, None, _ratio(x, y), None]
+
+
+def _number(value: Value) -> float | None:
+    return value if isinstance(value, float) else None
 
 
 def _ratio(x: float | None, y: float | None) -> float | None:
     return y / x if x and y is not None else None
+
+
+def _median(values: NDArray | None) -> float:
+    return float("nan") if values is None else float(np.median(values))
 
 
 def pressures(runs: Runs) -> list[float]:
@@ -86,19 +94,6 @@ def pressures(runs: Runs) -> list[float]:
     return sorted(found)
 
 
-Medians = dict[str, tuple[float, float, float]]
-
-
-def _laws(runs: Runs) -> list[tuple[float, Medians, Medians]]:
-    """Pressure, and median, 5 and 95 % over the laws of each quantity in A and B."""
-    libraries = [_library(run) for run in runs]
-    known = [found for found in libraries if found is not None]
-    if len(known) < 2:
-        return []
-    sides = ([(p, _medians(one.at_pressure(p))) for p in pressures(runs)] for one in known)
-    return [(p, a, b) for (p, a), (_, b) in zip(*sides, strict=True)]
-
-
 def _library(run: RunData) -> LawLibrary | None:
     if run.laws is None:
         return None
@@ -107,51 +102,38 @@ def _library(run: RunData) -> LawLibrary | None:
     return LawLibrary(**arrays)
 
 
-def _medians(at: LawSteps) -> Medians:
-    values = at.d, at.k, at.v, np.full(at.d.size, np.nan) if at.area is None else at.area
-    ends = [np.quantile(np.asarray(x), [0.5, 0.05, 0.95]).tolist() for x in values]
-    return {name: (x[0], x[1], x[2]) for (name, _), x in zip(AT, ends, strict=True)}
-
-
-def surface_blocks(runs: Runs) -> list[Block]:
-    """What a page says of two surfaces: spectra, tables of parameters and of laws.
+def surface_blocks(runs: Runs, rows: Sequence[Sequence[Value]]) -> list[Block]:
+    """What a page says of two surfaces: spectra, and the table of parameters and laws.
 
     Args:
         runs: A and B.
+        rows: of ``surface_rows``.
     """
-    parameters = [[r[0], *r[3:], r[1]] for r in surface_rows(runs) if r[2] is None]
-    blocks: list[Block] = [Picture(drawn(lambda: draw_surfaces(runs)), CAPTION)]
-    if parameters:
-        blocks += [
-            Text(
-                "Parameters of the surfaces. The difference is given in standard errors of both"
-                " together; they do not contain how several scans of one surface differ."
-            ),
-            Table.without_empty(HEADS, parameters),
-        ]
-    if laws := _laws(runs):
-        cells = [
-            [f"{p / 1e6:.3g}", f"{name} [{unit}]", *_shown(a[name]), *_shown(b[name]),
-             _ratio(a[name][0], b[name][0])]
-            for p, a, b in laws for name, unit in AT
-        ]  # fmt: skip
-        said = (f"{name}: {_made(run)}" for name, run in zip("AB", runs, strict=True))
-        blocks += [Text(f"Laws of contact. {'; '.join(said)}."), Table(LAW_HEADS, cells)]
-    return blocks
+    said = [f"{name}: {_made(run)}" for name, run in zip("AB", runs, strict=True) if run.laws]
+    text = (
+        "The difference is given in standard errors of both together; they do not contain how"
+        " several scans of one surface differ."
+    )
+    return [
+        Picture(drawn(lambda: draw_surfaces(runs)), CAPTION),
+        Text(f"{text} Laws of contact: {'; '.join(said)}." if said else text),
+        Table.without_empty(HEADS, list(_cells(rows))),
+    ]
 
 
-def surface_text(runs: Runs) -> str:
-    """The comparison of two surfaces for the terminal."""
-    rows = [
-        [r[0] if r[2] is None else f"{r[0]} at {float(r[2]) / 1e6:.3g} MPa", r[3], r[5], r[7], r[8],
-         r[1]]
-        for r in surface_rows(runs)
-    ]  # fmt: skip
-    return text_table(("quantity", "A", "B", "B / A", "difference / standard error", "unit"), rows)
+def surface_text(rows: Sequence[Sequence[Value]]) -> str:
+    """The comparison of two surfaces for the terminal.
+
+    Args:
+        rows: of ``surface_rows``.
+    """
+    return text_table(HEADS, _cells(rows))
 
 
-def _shown(values: tuple[float, float, float]) -> list[Value]:
-    return [values[0], f"{values[1]:.3g} to {values[2]:.3g}"]
+def _cells(rows: Sequence[Sequence[Value]]) -> Iterator[list[Value]]:
+    """The rows in the order of HEADS."""
+    for name, unit, p, *cells in rows:
+        yield [name if p is None else f"{name} at {float(p) / 1e6:.3g} MPa", *cells, unit]
 
 
 def _made(run: RunData) -> str:
@@ -162,29 +144,24 @@ def _made(run: RunData) -> str:
     return f"{n} laws, E* {modulus / 1e6:.4g} MPa, {said}"
 
 
-CAPTION = (
-    "Power spectral density, bearing curve, and median stiffness of small vibrations of the laws"
-    " with the band from 5 to 95 % of them."
-)
-
-
 def draw_surfaces(runs: Runs) -> Figure:
     """Spectra, bearing curves and stiffnesses of both runs in one figure."""
     figure, axes = new_figure(1, 3, height=2.9)
     spectrum, bearing, stiffness = axes[0]
     for name, (colour, style), run in zip("AB", LOOKS, runs, strict=True):
+        looks: dict[str, Any] = {"color": colour, "ls": style, "label": name}
         if (s := run.surface) is not None:
             q, C = (s["q"], s["C"]) if "q" in s else (s["spectrum_q"], s["spectrum_C"])
-            spectrum.loglog(q / 1e3, C, color=colour, ls=style, label=name)
+            spectrum.loglog(q / 1e3, C, **looks)
             if "heights" in s:
                 share, heights, _ = bearing_curves(s)
-                bearing.plot(100 * share, 1e6 * heights, color=colour, ls=style, label=name)
+                bearing.plot(100 * share, 1e6 * heights, **looks)
         if (library := _library(run)) is not None:
             p: NDArray = np.geomspace(PRESSURES[0], PRESSURES[-1], 40)
             v = [np.quantile(np.asarray(library.at_pressure(x).v), [0.05, 0.5, 0.95]) for x in p]
             low, middle, high = np.array(v).T / 1e9
             stiffness.fill_between(p / 1e6, low, high, color=colour, alpha=0.2, lw=0)
-            stiffness.loglog(p / 1e6, middle, color=colour, ls=style, label=name)
+            stiffness.loglog(p / 1e6, middle, **looks)
     ticks = [p / 1e6 for p in PRESSURES]
     spectrum.set(xlabel="wave number [rad/mm]", ylabel="density [m$^4$]")
     bearing.set(xlabel="material ratio [%]", ylabel=r"height [$\mu$m]")

@@ -19,16 +19,17 @@ from numpy.typing import NDArray
 from scipy.stats import beta, binom
 
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
-from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.mac import mac
 from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
-from brake_fenicsx.results.families import SHAPES, known_numbers, shapes_at_dofs
+from brake_fenicsx.results.families import known_numbers, shapes_at_dofs
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family, squeals
 from brake_fenicsx.samples.numbering import dof_places
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.sweeps.state import Points, State, likeness
+
+from .comparison import shapes_of
 
 # Step of the derivative, relative to the range.
 STEP = 1e-3
@@ -65,23 +66,20 @@ def worst_family(run: RunData, approach: str) -> Worst | None:
     Raises:
         SceneError: modes squeal, and have no family.
     """
-    modes = run.squeal.squeal_modes(approach)
+    modes, shapes = run.squeal.squeal_modes(approach), shapes_of(run)
     if not len(modes):
         return None
     found = [f for f in run.squeal.families(approach) if f.key >= 0]
-    if not found:
+    if not found or shapes is None:
         raise SceneError(
             f"{run.directory}: modes of a single sample belong to no family; raise samples.n"
         )
     worst = max(found, key=lambda f: (f.share.value, -f.median))
-    own = sorted({*run.squeal.squeal_modes(approach, worst.key)["sample"]})
+    loud = sorted({*run.squeal.squeal_modes(approach, worst.key)["sample"]})
     every = wilson(modes["sample"].nunique(), worst.share.n)
     samples = [int(k) for k in run.squeal.good(approach)]
-    path = run.directory / SHAPES
-    with reading(path, "as an npz file", "`run` of the scene makes it again"):
-        shapes = read_npz(path)
     column = int(np.flatnonzero(shapes["families"] == worst.key)[0])
-    return Worst(worst, every, samples, own, shapes, column, run.threshold)
+    return Worst(worst, every, samples, loud, shapes, column, run.threshold)
 
 
 class Trial:

@@ -40,10 +40,6 @@ def runs(tmp_path_factory):
     return out
 
 
-def named(rows):
-    return rows
-
-
 @pytest.mark.parametrize(
     ("hits", "of", "expected"),
     [  # R. G. Newcombe, Statistics in Medicine 17 (1998) 873, table II, method 10
@@ -76,7 +72,7 @@ def test_paired_intervals_hold_the_truth():
 
 
 def test_a_run_against_itself(runs):
-    rows = named(compare_runs(runs / "coarse", runs / "coarse"))
+    rows = compare_runs(runs / "coarse", runs / "coarse")
     assert len(rows) > 1
     for row in rows:
         assert row["change"] == 0 and row["paired"] == "yes"
@@ -85,7 +81,7 @@ def test_a_run_against_itself(runs):
 
 
 def test_families_are_found_again_on_another_mesh(runs):
-    rows = named(compare_runs(runs / "coarse", runs / "fine"))
+    rows = compare_runs(runs / "coarse", runs / "fine")
     strong = [r for r in rows[1:] if max(r["probability_a"], r["probability_b"]) > 0.9]
     assert strong
     for row in strong:
@@ -94,7 +90,7 @@ def test_families_are_found_again_on_another_mesh(runs):
 
 
 def test_families_that_are_gone_have_no_match(runs, capsys):
-    rows = named(compare_runs(runs / "coarse", runs / "smooth"))
+    rows = compare_runs(runs / "coarse", runs / "smooth")
     assert rows[0]["change"] == -1.0 and rows[0]["change_high"] < 0
     assert all(r["family_b"] is None and r["probability_b"] == 0 for r in rows[1:])
     out = runs / "page"
