@@ -19,8 +19,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.report.page_blocks import Table, Text
 from brake_fenicsx.results.ensemble_statistics import difference
-from brake_fenicsx.results.families import same_families
-from brake_fenicsx.results.family_shapes import FILE as SHAPES
+from brake_fenicsx.results.families import SHAPES, same_families
 from brake_fenicsx.results.run import RunData, read_run
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.results.versions import differences
@@ -142,7 +141,7 @@ def _matched(one: RunData, two: RunData, approach: str) -> list[tuple[Side, Side
 
 
 def shapes_of(run: RunData) -> Shapes | None:
-    """Shapes of the families of a run, see ``results.family_shapes``; None if it has none."""
+    """Shapes of the families of a run, see ``results.families``; None if it has none."""
     path = run.directory / SHAPES
     if not path.is_file():
         return None
