@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from brake_fenicsx.report.overview import share_text
 from brake_fenicsx.report.page_blocks import Table, Text
+from brake_fenicsx.results.answer import share_text
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene.units import quantity_text
 
