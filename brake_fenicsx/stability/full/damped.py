@@ -78,7 +78,8 @@ def quadratic_modes(
     leftmost = -RIM * high * zeta_max / np.sqrt(1 - zeta_max**2)
 
     def side(transposed: bool) -> tuple[Complex, Complex]:
-        apply, lu = _operator(*(A.T.tocsr() if transposed else A for A in (M, C, K)), s, high)
+        m, c, k = (A.T.tocsr() if transposed else A for A in (M, C, K))
+        apply, lu = _operator(m, c, k, s, high)
         n = K.shape[0]
         # A little further, so that each of the right ones has its left one.
         found, X = nearest_modes(apply, 2 * n, s, RIM * reach, 2 * count + 2, RIM * leftmost)

@@ -90,7 +90,8 @@ def reduce_bodies(
         ]
 
     def computed(orders: Index) -> dict[str, NDArray[Any]]:
-        reductions, arrays = planned(orders), {}
+        reductions = planned(orders)
+        arrays: dict[str, NDArray[Any]] = {}
         advance = progress(sum(reduction.factors for reduction in reductions))
         # The largest body takes most memory: it comes before the values of others are there.
         for i in sorted(range(len(bodies)), key=lambda i: -bodies[i].dofs.size):
