@@ -144,10 +144,10 @@ def file_digests(scene: Scene) -> dict[str, str]:
             if isinstance(value := getattr(part.matrices, f.name), str):
                 files[f"parts.{name}.matrices.{f.name}"] = value
         files |= {f"parts.{name}.morph.{n}": m.displaced for n, m in part.morph.items()}
-    for name, f, value in _keys_of_extras(scene, "file"):
+    for section, name, value in _keys_of_extras(scene, "file"):
         named = value.values() if isinstance(value, dict) else value
         each = (value,) if isinstance(value, str) else named or ()
-        files |= {f"{name}.{f}.{k}": file for k, file in enumerate(each)}
+        files |= {f"{section}.{name}.{k}": file for k, file in enumerate(each)}
     paths = {key: scene.path(file) for key, file in files.items() if file is not None}
     return {
         key: hashlib.sha256(path.read_bytes()).hexdigest()

@@ -83,11 +83,12 @@ class StateModes:
             for j in np.flatnonzero(np.array(found.verdict, str) == "unstable"):
                 rows.append((i, found.s[j], found.damping[j], same[j]))
         columns = zip(*rows, strict=True) if rows else [()] * 4
-        of, s, damping, mode = map(np.array, columns, (int, complex, float, int))
-        return {
-            "state_outcome": np.array(outcome), "state_missed": missed, "state_of": of,
-            "state_s": s, "state_damping": damping, "state_mode": mode,
-        }  # fmt: skip
+        names = {"of": int, "s": complex, "damping": float, "mode": int}
+        found_modes: dict[str, Any] = {
+            f"state_{name}": np.array(values, kind)
+            for (name, kind), values in zip(names.items(), columns, strict=True)
+        }
+        return {"state_outcome": np.array(outcome), "state_missed": missed, **found_modes}
 
     @property
     def _settings(self) -> Any:
