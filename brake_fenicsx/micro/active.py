@@ -222,8 +222,12 @@ class ElasticAnswer:
     """
 
     def __init__(self) -> None:
-        self._points = np.empty(0, dtype=np.intp)
-        self._factor, self._z = np.empty((0, 0)), np.empty(0)
+        self._forget()
+
+    def _forget(self) -> None:
+        self._points: Index = np.empty(0, dtype=np.intp)
+        self._factor: Array = np.empty((0, 0))
+        self._z: Array = np.empty(0)
 
     def __call__(self, pixels: Pixels, points: Index) -> float:
         """Answer of these touching pixels.
@@ -235,7 +239,7 @@ class ElasticAnswer:
         touching = np.zeros(pixels.height.size, dtype=bool)
         touching[points] = True
         if not touching[self._points].all():
-            self.__init__()
+            self._forget()
         old = self._points
         touching[old] = False
         new = np.flatnonzero(touching)

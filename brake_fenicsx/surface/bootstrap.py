@@ -46,9 +46,9 @@ def resampled(stats: SurfaceStatistics, rng: np.random.Generator) -> SurfaceStat
     cutoff, no_errors = 2.0 * np.pi / stats.psd.band[1], (np.nan,) * 4
     found = described(scans, stats.level, cutoff, stats.hdf.name, kind)
     found["spectrum"] = replace(found["spectrum"], form=stats.spectrum.form)
-    mean, *three = moments(heights)
+    mean, S_q, S_sk, S_ku = moments(heights)
     return SurfaceStatistics(
-        mean, float(np.median(heights)), *three, no_errors, **found, level=stats.level
+        mean, float(np.median(heights)), S_q, S_sk, S_ku, no_errors, **found, level=stats.level
     )
 
 

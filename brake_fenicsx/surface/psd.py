@@ -199,7 +199,8 @@ def seen_in_scans(C: Density, topo: Topography) -> Array:
     seen = C(q)
     if not topo.periodic:
         seen = np.maximum(answers[0] @ seen @ answers[1].T, 0.0)
-    middle, mean, _ = _ring_means(*waves[1:], seen.ravel()[waves[0]])
+    group, ring, weights, ln_q = waves
+    middle, mean, _ = _ring_means(ring, weights, ln_q, seen.ravel()[group])
     return np.asarray(np.exp(np.interp(rings, middle, np.log(mean))))
 
 

@@ -173,7 +173,7 @@ def _wave_numbers(
     weights = np.outer(np.ones(shape[0]), weights) if lay is None else weights * lay(qx, qy)
     ln_q, weights = np.log(np.hypot(qx, qy).ravel()[1:]), weights.ravel()[1:]
     place, middles = of_equal_length(ln_q)
-    return np.exp(middles), np.bincount(place, weights)
+    return np.exp(middles), np.bincount(place, weights).astype(float)
 
 
 def _closed(found: BiFractal, topo: Topography, wanted: float) -> BiFractal:

@@ -180,7 +180,8 @@ def form(topo: Topography, level: str) -> Array:
         return np.zeros(topo.shape)
     order = {"mean": 0, "plane": 1, "second-order": 2}[level]
     # Products of Legendre polynomials, which are all but independent.
-    x, y = (np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, n), order) for n in topo.shape)
+    vander: Any = np.polynomial.legendre.legvander
+    x, y = (vander(np.linspace(-1.0, 1.0, n), order) for n in topo.shape)
     i, j = np.array([(i, k - i) for k in range(order + 1) for i in range(k + 1)]).T
     inside = topo.valid
     if inside.sum() < i.size:
