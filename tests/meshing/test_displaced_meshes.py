@@ -490,6 +490,7 @@ def test_two_lengths_and_a_modulus_of_one_part(kind, more, written, meshes):
             assert_near(found, expected, bound)
 
 
+@pytest.mark.slow
 def test_modes_of_two_lengths_and_a_modulus(written, meshes):
     """Full order of the same sample, at corners of the box and inside."""
     *_, scene = swelling(written, meshes, ("tetrahedra", 1, 14e-3), degree=1)

@@ -93,6 +93,7 @@ def test_total_mass_of_a_part_is_its_density_times_its_volume():
     assert added == pytest.approx(90 * 40e-3 * 20e-3 * 20e-3 + 0.03, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_modes_are_those_of_full_order():
     """At corners and inside, within their errors; of a scene written with the values too."""
     box = {LINING: RANGES[LINING], MASS: RANGES[MASS], PLATE: RANGES[PLATE]}

@@ -84,7 +84,7 @@ def test_gyroscopic_term_of_a_thickness_is_that_of_the_scene_written_with_it():
     "damping",
     [
         pytest.param([], id="undamped"),
-        pytest.param([DAMPED, LOSS], id="damped"),
+        pytest.param([DAMPED, LOSS], id="damped", marks=pytest.mark.slow),
         pytest.param(
             [*TURNING, "contact.block_plate.friction=0.2"], id="turning", marks=pytest.mark.slow
         ),

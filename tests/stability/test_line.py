@@ -25,8 +25,9 @@ def stiffness(scene, mu):
 @pytest.mark.parametrize(
     "case, x",
     [
-        ("undamped", CONSTANT), ("undamped", CHANGING), ("rayleigh", CONSTANT),
-        ("loss", CONSTANT), ("layers", CHANGING),
+        ("undamped", CONSTANT), ("undamped", CHANGING),
+        *(pytest.param(*given, marks=pytest.mark.slow)
+          for given in [("rayleigh", CONSTANT), ("loss", CONSTANT), ("layers", CHANGING)]),
     ],
 )  # fmt: skip
 def test_every_mode_between_full_values(two_blocks, case, x):
