@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import sections
+from brake_fenicsx.macro.condensation import Compliance
 from brake_fenicsx.macro.contact_elements import Contact, join
 from brake_fenicsx.macro.elasticity import Elastic
 from brake_fenicsx.macro.material import Material
@@ -42,6 +43,8 @@ class Brake:
         pressed: sum of the loads' magnitudes [N].
         unit_loads: load vectors of the scene's loads, see ``loads.load_vectors``.
         lift: prescribed displacements on the dofs of the mesh [m]; None without any.
+        compliance: the bodies seen from the contact elements, see ``macro.braking``; None until
+            then.
         stuck: interfaces whose faces stick, by name; their springs are in the stiffness.
         faced: interface -> area of its first face that lies opposite to the second, and the whole
             area of the first [m^2], regardless of its zone.
@@ -55,6 +58,7 @@ class Brake:
     pressed: float
     unit_loads: Array
     lift: Array | None = None
+    compliance: Compliance | None = None
     stuck: dict[str, Stuck] = field(default_factory=dict)
     faced: dict[str, tuple[float, float]] = field(default_factory=dict)
     materials: dict[str, Material] = field(default_factory=dict)

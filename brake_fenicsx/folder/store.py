@@ -17,17 +17,17 @@ import re
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeVar
-
-from mpi4py import MPI
+from typing import TYPE_CHECKING, TypeVar
 
 from brake_fenicsx.errors import SceneError
 
 from .files import ResultFiles, emptied, remove_remains
 from .lock import BEAT, Lock, Share
 from .log import logger
-from .processes import on_first
 from .sample_files import SampleFiles
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 T = TypeVar("T")
 
@@ -217,6 +217,7 @@ def _take(store: Store, claim: str, others: str) -> None:
 
 def _on_first(work: Callable[[], T], store: Store, comm: MPI.Comm) -> T:
     """What the first process does in the folder; what goes wrong there is raised on all."""
+    from .processes import on_first  # MPI, which a reader of results does without
 
     def guarded() -> T:
         try:

@@ -37,7 +37,7 @@ def lining(**changes):
     [
         ("contact.nobody.friction", "{ law='uniform', min=0.1, max=0.2 }", "block_plate"),
         ("parts.block.size", "{ law='uniform', min=1, max=2 }", "--set parts.block.size"),
-        ("materials.lining.axis", "{ law='uniform', spread=0.1 }", "materials.NAME.CONSTANT"),
+        ("materials.lining.axis", "{ law='uniform', spread=0.1 }", "materials.NAME.E|E_1"),
         ("materials.lining.E_3", "{ law='normal', mean=1.9, sd=0.1 }", "unit is missing"),
         ("materials.lining.nu_13", "{ law='uniform', spread=0.1 }", "nu_31"),
         ("materials.iron.E_1", "{ law='uniform', spread=0.1 }", "E and nu"),

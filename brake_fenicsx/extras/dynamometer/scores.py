@@ -196,7 +196,10 @@ def best_threshold(o: Outcomes, n: Any, m: Any) -> Interval:
         return NOTHING
     steps = np.quantile(growth, np.linspace(0, 1, min(GRID, growth.size)))
     tried = np.array([0.0, *0.5 * (steps[1:] + steps[:-1])])
-    shares = np.array([(o.squeals(x) + 0.5) / (o.samples + 1.0) for x in tried])
+    worst = -o.modes.groupby(["state", "sample"]).damping.min()
+    state, growth = worst.index.get_level_values(0).to_numpy(), worst.to_numpy()
+    hits = [np.bincount(state[growth > x], minlength=len(o.samples)) for x in tried]
+    shares = (np.array(hits) + 0.5) / (o.samples + 1.0)
     likely = np.log(shares) @ m + np.log(1 - shares) @ (n - m)
     inside = tried[2 * (likely.max() - likely) <= RATIO]
     return float(np.median(tried[likely == likely.max()])), float(inside[0]), float(inside[-1])
