@@ -56,9 +56,13 @@ class Extra:
 
     Attributes:
         name: of the extra.
-        sections: key of a scene -> type of its section, a dataclass or a tuple of them.
+        sections: key of a scene -> type of its section, a dataclass or a tuple of them. Results
+            depend on the files that its keys name with ``key(file=True)``, and not on its keys
+            with ``key(aside=True)``, which are read after the samples.
         check: ``check(scene, changed)``, the scene with its sections checked and complete;
-            ``changed("key=value")`` reads the scene without them after a replacement.
+            ``changed("key=value")`` reads the scene without them after a replacement. In
+            ``scene.spanned`` it may name scalars and their values, over which the reduced model
+            then reaches.
         commands: of the command line, each a ``Command``.
         readers: ending of a mesh file -> ``read(path)``, and how: "as an Abaqus deck".
         unread: ``unread(path, file, faces, groups)``, what such a file holds beside its mesh.
