@@ -138,7 +138,7 @@ def orthotropic(E: Array, nu: Array, G: Array) -> Array:
         raise SceneError(
             f"the compliance is not positive definite: eigenvalue {lowest:.4g} 1/Pa; lower nu"
         )
-    return np.linalg.inv(S)
+    return np.asarray(np.linalg.inv(S), float)
 
 
 def engineering_constants(C: Array) -> dict[str, float]:

@@ -125,7 +125,7 @@ class FileMesh:
             facets: corner nodes, shape (facets, corners).
         """
         if kind == "nodes":
-            return np.isin(facets, self.node_groups[name]).all(axis=1)
+            return np.asarray(np.isin(facets, self.node_groups[name]).all(axis=1))
         return np.isin(facet_keys(facets), facet_keys(self.facet_groups[name]))
 
 

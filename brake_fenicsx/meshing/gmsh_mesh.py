@@ -332,7 +332,8 @@ def discrete_model(gmsh: Any, mesh: RawMesh, facets: Ints) -> Any:
     """
     model, points = gmsh.model, mesh.points
     model.add("mesh")
-    of, numbers = (mesh.shape, mesh.order), np.arange(1, len(points) + 1)
+    of = mesh.shape, mesh.order
+    numbers: NDArray[Any] = np.arange(1, len(points) + 1)
     for dim, names, kind, nodes, tag in (
         (3, mesh.layers, CELL_TYPE[of], mesh.cells, mesh.cell_tag),
         (2, mesh.faces, FACET_TYPE[of], facets, mesh.facet_tag),

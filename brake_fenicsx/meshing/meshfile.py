@@ -98,7 +98,7 @@ def read_gmsh(path: Path) -> FileMesh:
 def _gmsh_skin(model: Any, entities: Any, place: Ints, shape: str) -> Ints:
     """Corner nodes of the facets of some surfaces."""
     corners = 3 if shape == "tetrahedron" else 4
-    found = [np.zeros((0, corners), dtype=np.int64)]
+    found: list[Ints] = [np.zeros((0, corners), dtype=np.int64)]
     for entity in entities:
         for kind in model.mesh.getElementTypes(2, entity):
             if model.mesh.getElementProperties(kind)[5] == corners:

@@ -151,7 +151,7 @@ def _scatter(
     many = x.size > MANY_POINTS
     x, y = _thinned(x), _thinned(y)
     size, alpha = (0.5 * size, 0.35) if many else (size, 0.8)
-    style = {"c": colour, "marker": marker, "alpha": alpha, "label": text}
+    style: dict[str, Any] = {"c": colour, "marker": marker, "alpha": alpha, "label": text}
     axes.scatter(x, y, s=size, linewidths=0, rasterized=many, zorder=3, **style)
 
 

@@ -75,7 +75,7 @@ class StoredSamples:
                 values += block.scalars(name, None)
             drawn = zip(block.each("random_names"), block.each("random"), strict=True)
             self._random += [
-                {} if n is None or x is None else dict(zip(n.tolist(), x.tolist(), strict=True))
+                {} if n is None or x is None else dict(zip(map(str, n), map(float, x), strict=True))
                 for n, x in drawn
             ]
             for (approach, _), forces in zip(block.tasks, block.each("forces"), strict=True):

@@ -195,7 +195,7 @@ def seen_in_scans(C: Density, topo: Topography) -> Array:
         C: density [m^4] of the wave number [rad/m].
         topo: a scan of the size and the grid; nothing is done to a periodic one.
     """
-    answers, q, waves, rings = _groups(topo.shape, topo.periodic, *topo.size.tolist())
+    answers, q, waves, rings = _groups(topo.shape, topo.periodic, *map(float, topo.size))
     seen = C(q)
     if not topo.periodic:
         seen = np.maximum(answers[0] @ seen @ answers[1].T, 0.0)

@@ -316,7 +316,7 @@ def _elements(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     cells = scope.solids if kind else scope.skins
     cells |= {number: (kind or name, own) for number, *own in table.tolist()}
     if "ELSET" in options:
-        scope.add(scope.elsets, options["ELSET"], table[:, 0].tolist())
+        scope.add(scope.elsets, options["ELSET"], [*map(int, table[:, 0])])
 
 
 def _set(deck: _AbaqusDeck, block: DeckKeyword) -> None:

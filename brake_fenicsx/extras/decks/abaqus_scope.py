@@ -153,7 +153,9 @@ class Scope:
 
         if other.nodes:
             x = np.array(list(other.nodes.values())) @ turn.T + shift
-            self.nodes |= dict(zip(moved(other.nodes), x.tolist(), strict=True))
+            self.nodes |= {
+                n: [*map(float, row)] for n, row in zip(moved(other.nodes), x, strict=True)
+            }
         for cells, own in ((self.solids, other.solids), (self.skins, other.skins)):
             cells |= {n + by: (kind, moved(nodes)) for n, (kind, nodes) in own.items()}
         self.others += other.others

@@ -66,5 +66,5 @@ def check(scene: Scene, _: Callable[[str], Scene]) -> Scene:
             " leave gyroscopic out of stability.damping, or run the directions one by one"
         )
     values = state_values(scene, matrix)
-    ranges = {name: tuple(x.tolist()) for name, x in values.items() if changes_bodies(scene, name)}
+    ranges = {n: tuple(map(float, x)) for n, x in values.items() if changes_bodies(scene, n)}
     return replace(scene, spanned={**scene.spanned, **ranges})
