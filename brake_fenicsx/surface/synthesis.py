@@ -118,7 +118,7 @@ def translation_field(
     return TranslationField(amplitude, x, z, shape, lowest, slope)
 
 
-def _on_even(at: Any, x: Array, y: Array) -> Array:
+def _on_even(at: Array, x: Any, y: Array) -> Array:
     """Values between those of a table with an even step, whose ends hold beyond it."""
     place = np.clip((at - x[0]) / (x[1] - x[0]), 0.0, x.size - 1.0)
     left = np.minimum(place.astype(np.intp), x.size - 2)
