@@ -23,6 +23,7 @@ from brake_fenicsx.macro.equilibrium import (
 )
 from brake_fenicsx.macro.equilibrium_change import BodyOperators, corrected_equilibrium
 from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.scene import Scene
 
 from .models import Models
 
@@ -45,6 +46,12 @@ class Equilibria:
     models: Models
     steps: int
     tolerance: float
+
+    @classmethod
+    def of_scene(cls, scene: Scene, models: Models) -> Equilibria:
+        """With the load steps and the tolerance that a scene names."""
+        steps = max((load.steps for load in scene.loads.values()), default=1)
+        return cls(models, steps, scene.equilibrium.tolerance)
 
     def of(
         self, sample: SampleInput, reduced: bool = False, start: Array | None = None

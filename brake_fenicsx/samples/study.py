@@ -91,8 +91,7 @@ class Study:
         self.points: dict[str, Array | None] = {name: points_of(scene, name) for name in approaches}
         self.tasks: list[Task] = [(name, k) for name in approaches for k in range(count[name])]
         self.models: Models = Models(scene, count, store, comm, cache or SharedCache(store))
-        steps = max((load.steps for load in scene.loads.values()), default=1)
-        self.equilibria = Equilibria(self.models, steps, scene.equilibrium.tolerance)
+        self.equilibria = Equilibria.of_scene(scene, self.models)
         self._displaced: dict[Task, Array] = {}
         self._first: dict[str, Array | None] = {}
         # Of the last sample, with the scene's moduli.

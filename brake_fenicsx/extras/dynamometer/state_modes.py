@@ -40,8 +40,7 @@ class StateModes:
         self._reverse = [way == "reverse" for way in states.direction]
         axes = [{n: row[n] for n in AXES if n in row} for row in states.to_dict("records")]
         self._gaps = [imposed_gap(scene, models.brake.contact, state) for state in axes]
-        steps = max((load.steps for load in scene.loads.values()), default=1)
-        self._equilibria = Equilibria(models, steps, scene.equilibrium.tolerance)
+        self._equilibria = Equilibria.of_scene(scene, models)
 
     def of(
         self,
@@ -68,7 +67,7 @@ class StateModes:
         """
         outcome, missed = [""] * len(self._reverse), np.zeros(len(self._reverse), int)
         starts: dict[bool, Array | None] = {False: eq.g, True: None}
-        rows = [(0, 0j, 0.0, 0)][:0]
+        rows = list[tuple[int, complex, float, int]]()
         for i, reverse in enumerate(self._reverse):
             try:
                 there, found = self.modes(sample, i, starts[reverse])
