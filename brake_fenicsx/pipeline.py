@@ -327,7 +327,7 @@ def mechanics(
 
 def _results(this: Run, study: Study, sweep: SweepStudy | None) -> None:
     """Tables and fields of the samples, and what they leave open."""
-    from brake_fenicsx.results.output import write_results
+    from brake_fenicsx.results.output import verification, write_results
     from brake_fenicsx.samples.forces import law_warnings, stuck_warnings
 
     if this.comm.rank == 0:
@@ -340,20 +340,26 @@ def _results(this: Run, study: Study, sweep: SweepStudy | None) -> None:
     this.warn(law_warnings(this.scene, this.facts["samples"]))
     note_open_points(this)
     this.warn(this.facts.pop("lost_extras", []))
-    if "report" not in this.scene.stages:
-        return
-    from brake_fenicsx.report.figure_inputs import contact_maps
-    from brake_fenicsx.report.mode_fields import write_mode_fields
+    # What costs most of this stage is left to whichever process is free.
+    works: list[Callable[[], Any]] = []
+    if "report" in this.scene.stages:
+        from brake_fenicsx.report.figure_inputs import contact_maps
+        from brake_fenicsx.report.mode_fields import prepare_shapes, write_shapes
 
-    this.warn(write_mode_fields(study, first, this.pictures))
-    if this.pictures:
-        # The maps of the page too, beside the picture.
-        last = (
-            ("maps of the contact", lambda: contact_maps(this.store.directory)),
-            ("picture of the mesh", lambda: draw_mesh(this, study.brake)),
-        )
-        drawn = in_turns(2, lambda i: spared(*last[i])[1], this.comm)
-        this.warn([text for lost in drawn for text in lost])
+        shapes = prepare_shapes(study, first, this.pictures)
+        this.warn(shapes.lost)
+        works += shapes.works
+        if this.pictures:
+            # The maps of the page too, beside the picture.
+            folder, brake = this.store.directory, study.brake
+            works.append(lambda: spared("maps of the contact", lambda: contact_maps(folder)))
+            works.append(lambda: spared("picture of the mesh", lambda: draw_mesh(this, brake)))
+    made = study.verified_beside(works)
+    if study.verify:
+        this.facts["verification"] = on_first(lambda: verification(study), this.comm)
+    this.warn([text for _, lost in made for text in lost])
+    if "report" in this.scene.stages and this.comm.rank == 0:
+        write_shapes(study, [row for row, _ in made[: len(shapes.works)] if row is not None])
 
 
 def draw_mesh(this: Run, brake: Brake) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -110,8 +110,6 @@ def _tables(study: Study) -> tuple[First, dict[str, Any], list[Ensemble] | None]
     if (stored := run.stored) is None:
         raise ValueError(f"{run.directory}: no samples")
     facts = sample_facts(stored)
-    if study.verify:
-        facts["verification"] = verification(stored, study.verify, study.verified)
     first = {task[0]: data for task, data in stored.first.items()}
     facts["contact_forces"] = {
         name: force_statistics(scene, study.brake, first[name], values)
@@ -239,17 +237,14 @@ def _sentence(kind: str, how: str) -> str:
     return how if kind == PROVEN else f"{'not proven' if kind == 'counted' else kind}: {how}"
 
 
-def verification(stored: StoredSamples, verify: Sequence[Task], verified: str) -> dict[str, Any]:
-    """Reduced samples against full order.
-
-    Args:
-        stored: the samples.
-        verify: those of the verification.
-        verified: approach that they verify.
-    """
+def verification(study: Study) -> dict[str, Any]:
+    """Reduced samples against full order, by what is stored of both; empty without any."""
+    if not study.verify:
+        return {}
     errors, wrong, beyond, compared = [np.zeros(0)], 0, 0, 0
-    for task in verify:
-        full, mine = (stored.store.samples.load(t) or {} for t in (task, (verified, task[1])))
+    for task in study.verify:
+        both = task, (study.verified, task[1])
+        full, mine = (study.store.samples.load(t) or {} for t in both)
         if "s" not in full or "s" not in mine or mine["s"].size != full["s"].size:
             continue
         compared += 1
@@ -260,7 +255,7 @@ def verification(stored: StoredSamples, verify: Sequence[Task], verified: str) -
         wrong += sum({str(a), str(b)} == {"stable", "unstable"} for a, b in pairs)
     error = np.concatenate(errors)
     return {
-        "samples_asked": len(verify), "samples_compared": compared,
+        "samples_asked": len(study.verify), "samples_compared": compared,
         "eigenvalues": int(error.size), "wrong_verdicts": wrong,
         "errors_beyond_estimates": beyond,
         "largest_relative_error": float(error.max()) if error.size else None,
