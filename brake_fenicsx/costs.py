@@ -143,12 +143,13 @@ def calibrated_seconds(
     by_reduction = solves.get("reduced", 0) + solves.get("reduced with bodies of their own", 0)
     points = anchors(len(changing_scalars(scene))) if by_reduction else 1
     beside, full = verified(scene, samples), 20 * n**1.5
-    solving = (0.05 + 0.14 * m**2) * by_reduction
+    sample = 0.1 + 0.14 * m**2
+    solving = sample * by_reduction
     solving += full * (solves.get("at full order", beside) - beside)
     seconds = {
         "surface": 0.2, "micro": laws, "brake": 1.1 * n,
         "offline": (11 if by_reduction else 1) * n**1.6 * points**0.5,
-        "samples": solving or (0.05 + 0.14 * m**2) * sum(samples.values()),
+        "samples": solving or sample * sum(samples.values()),
         "results": 1 + n, "pictures": 16 + 10 * n + full * beside, "report": 2.0,
     }  # fmt: skip
     kept = {name for stage in scene.stages for name in MADE_BY.get(stage, (stage,))}
