@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from brake_fenicsx.folder.log import spared
+from brake_fenicsx.folder.log import Progress, spared
 from brake_fenicsx.folder.processes import in_turns, meanwhile, on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.macro.faces import gather_face
@@ -135,9 +135,12 @@ def write_mode_fields(
     written()
     lost = comm.bcast(lost, root=0) + missing
     shapes, rows = iter(found or ()), list[ModeShape]()
+    counts = (len(range(comm.rank, len(chosen), comm.size)) for chosen in drawn)
+    progress = Progress("pictures of mode shapes", sum(counts))
     for chosen in drawn if found is not None else ():
         own = [next(shapes) for _ in chosen]
-        rows += _write_modes(study, run, chosen, [u[:, 0] for u, _ in own], pictures, lost)
+        vectors = [u[:, 0] for u, _ in own]
+        rows += _write_modes(study, run, chosen, vectors, pictures, lost, progress)
         lost += [
             f"shape of the mode at {mode.frequency:.0f} Hz of {mode.approach} {mode.sample}: its"
             f" displacements have an estimated relative error of {error[0]:.0e}"
@@ -221,6 +224,7 @@ def _write_modes(
     shapes: list[NDArray[np.complex128]],
     pictures: bool,
     lost: list[str],
+    progress: Progress,
 ) -> list[ModeShape]:
     """Real and imaginary part of some modes of an approach, one period of each, and its pictures.
 
@@ -233,6 +237,7 @@ def _write_modes(
         shapes: displacement of each, shape (dofs,).
         pictures: whether they are drawn.
         lost: what fails is added, a line each.
+        progress: counts the modes of this process.
 
     Returns:
         What the pictures show.
@@ -259,7 +264,9 @@ def _write_modes(
         return f"mode_{hertz}", shape, row
 
     def attempt(i: int) -> tuple[tuple[str, NDArray[np.complex128], ModeShape] | None, list[str]]:
-        return spared(f"picture of the mode at {chosen[i].frequency:.0f} Hz", lambda: draw(i))
+        found = spared(f"picture of the mode at {chosen[i].frequency:.0f} Hz", lambda: draw(i))
+        progress.advance()
+        return found
 
     done = []
     for made, missing in in_turns(len(chosen), attempt, study.comm):

@@ -83,7 +83,10 @@ def _run(
     Those that are left over when every process has had as many come before all others, each shared
     by two processes, unless the other samples keep all processes busy.
     """
-    progress = Progress(what, len(wanted), large)
+    progress = Progress(what, large, len(wanted) - large, processes=comm.size)
+    if 0 < large < len(wanted):
+        said = "sample that is also" if large == 1 else "samples that are also"
+        logger.info("first %d %s or only solved at full order, which takes longer", large, said)
     left_over = large % comm.size
     paired = paired and len(wanted) - large < AS_LONG * (comm.size - left_over)
     shared = min(left_over, comm.size // 2) if paired else 0
