@@ -141,9 +141,8 @@ class _Laws:
         # Without a scan, or up to less than the pressures of the band, none is drawn anew.
         band = bool(self.stats.topographies) and max(PRESSURES) < recipe.settings.highest
         scans = micro.scans if band else 0
-        what = (
-            f"contact laws of {micro.laws} surfaces{f' and {scans} resampled scans' * bool(scans)}"
-        )
+        what = f"contact laws of {micro.laws} surfaces"
+        what += f" and {scans} resampled scans" * bool(scans)
         counts = (len(range(comm.rank, n, comm.size)) for n in (micro.laws, scans))
         progress = Progress(f"{what}{f', process 1 of {comm.size}' * (comm.size > 1)}", *counts)
         laws = self._spread(micro.laws, self._law, progress)

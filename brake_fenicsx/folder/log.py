@@ -114,7 +114,8 @@ class Progress:
         self.start = self.last = self.said = time.perf_counter()
         self.bar: Any = None
         terminal = next((h for h in logger.handlers if isinstance(h, _Terminal)), None)
-        if terminal and terminal.level <= logging.INFO and terminal.stream.isatty():
+        shown = terminal is not None and terminal.level <= logging.INFO
+        if self.total and shown and terminal.stream.isatty():
             from tqdm import tqdm
 
             form = "{desc}: {n_fmt} of {total_fmt}{postfix} |{bar}|"

@@ -85,8 +85,7 @@ def _run(
     """
     progress = Progress(what, large, len(wanted) - large, processes=comm.size)
     if 0 < large < len(wanted):
-        said = "sample that is also" if large == 1 else "samples that are also"
-        logger.info("first %d %s or only solved at full order, which takes longer", large, said)
+        logger.info("%d of %d %s may take longer and come first", large, len(wanted), what)
     left_over = large % comm.size
     paired = paired and len(wanted) - large < AS_LONG * (comm.size - left_over)
     shared = min(left_over, comm.size // 2) if paired else 0
