@@ -218,7 +218,8 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
             logger.info("means over %d scans, each of %d x %d points", len(stats.scans),
                         *stats.topographies[0].shape)  # fmt: skip
         logger.info(
-            "S_q %.2f um, S_sk %.3f, S_ku %.3f; slopes %.2f and %.2f, corner %.1f /mm",
+            "scan: S_q %.2f um, S_sk %.3f, S_ku %.3f; power spectrum: slopes %.2f and %.2f, which"
+            " meet at q_c = %.1f 1/mm",
             stats.S_q * 1e6, stats.S_sk, stats.S_ku, fit.c1, fit.c2, fit.q_c / 1e3,
         )  # fmt: skip
         this.warn(surface_warnings(this.scene, stats))
@@ -249,9 +250,9 @@ def brake_stage(this: Run) -> Brake:
         if brake.mesh.worst is not None:
             this.facts["smallest_dihedral_deg"] = float(np.degrees(brake.mesh.worst.dihedral))
         logger.info(
-            "%(cells)d cells, %(dofs)d free dofs, %(contact_elements)d contact elements"
-            " with a mean side of %(mean_patch_mm).3f mm; worst quality of a cell"
-            " %(worst_cell_quality).3f",
+            "%(cells)d finite elements, %(dofs)d free dofs; %(contact_elements)d contact elements"
+            " of %(mean_patch_mm).3f mm mean side; worst quality of an element"
+            " %(worst_cell_quality).3f (1: regular)",
             this.facts,
         )
     if this.comm.size > 1 or not this.whole:

@@ -96,7 +96,10 @@ def _run(
     Those that are left over when every process has had as many come before all others, each shared
     by two processes, unless the other samples keep all processes busy.
     """
-    progress = Progress(what, len(wanted), large)
+    count = len(wanted) + len(beside)
+    progress = Progress(what, large, count - large, processes=comm.size)
+    if 0 < large < count:
+        logger.info("%d of %d %s may take longer and come first", large, count, what)
     left_over = large % comm.size
     paired = paired and len(wanted) - large < AS_LONG * (comm.size - left_over)
     shared = min(left_over, comm.size // 2) if paired else 0
@@ -112,9 +115,9 @@ def _run(
             while (i := counter.next()) < len(wanted) + len(beside):
                 if i < len(wanted):
                     compute_sample(wanted[i], work, store)
-                    progress.advance(shared + i + 1 - progress.done)
                 else:
                     made[i] = beside[i - len(wanted)]()
+                progress.advance(shared + i + 1 - progress.done)
         except BrakeError as error:
             defect = error
         except Exception:

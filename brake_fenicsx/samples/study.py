@@ -171,7 +171,9 @@ class Study:
         Returns:
             What came of each work, on every process.
         """
-        what, paired = "samples at full order", self._paired and not works
+        parts = ("samples at full order", self.verify), ("pictures and figures", works)
+        what = ", ".join(name for name, there in parts if there)
+        paired = self._paired and not works
         files = self.store, self.comm
         return run_ensemble((), self.work, *files, self.verify, what, paired, works)
 
