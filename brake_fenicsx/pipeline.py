@@ -17,6 +17,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from brake_fenicsx.arguments import with_its_arguments
 from brake_fenicsx.build.law_stage import law_recipe, micro_stage
 from brake_fenicsx.checks import (
     check,
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
 DRAWING = 4  # processes that draw figures: each reads all results
 
 
+@with_its_arguments
 def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> Brake:
     """Assemble a scene's brake: stiffness, mass, contact operators and loads.
 
@@ -74,6 +76,7 @@ def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
     return assemble_brake(read_scene(scene, overrides), comm)
 
 
+@with_its_arguments
 def run(
     scene: str | Path,
     comm: MPI.Comm,
