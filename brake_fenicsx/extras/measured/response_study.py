@@ -138,7 +138,7 @@ def _measured(
             )
     points = np.array([place[node][0] for node, _ in ends])
     directions = np.array([np.sign(d) * place[node][1][abs(d) - 1] for node, d in ends])
-    names = [f"{node} {'-' if d < 0 else ''}{'xyz'[abs(d) - 1]}" for node, d in ends]
+    names = [f"node {node} {'-' if d < 0 else ''}{'xyz'[abs(d) - 1]}" for node, d in ends]
     x, value = np.asarray(s["x"], float), np.asarray(s["data"], complex)
     kept = (x > 0) & np.isfinite(value)
     per = (
@@ -240,7 +240,7 @@ def _inside(file: Path, r: Response, band: tuple[float, ...]) -> Response:
     kept = (r.frequency >= band[0]) & (r.frequency <= band[1])
     if r.frequency.size and not kept.any():
         raise SceneError(
-            f"{file}: dataset 58: response of node {r.names[1]}: no frequency in stability.band,"
+            f"{file}: dataset 58: response of {r.names[1]}: no frequency in stability.band,"
             f" {band[0]:g} to {band[1]:g} Hz"
         )
     return replace(r, frequency=r.frequency[kept], value=r.value[kept])
@@ -299,7 +299,7 @@ def _draw(
             computed = np.abs(H * (2j * np.pi * r.frequency) ** r.order)
             axis.semilogy(khz, computed, color=BLUE, linewidth=1.0, label="model")
             agrees = f", FRAC {row[4]:.2f}" if there else ""
-            panel(axis, letter, f"{r.names[1]} by a force {r.names[0]}{agrees}")
+            panel(axis, letter, f"{r.names[1]}, force at {r.names[0]}{agrees}")
             finish(axis, xlabel=KHZ, ylabel=QUANTITY[r.order])
         axes[0, 0].legend()
         save(figure, folder, "responses")

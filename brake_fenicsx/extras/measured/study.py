@@ -157,7 +157,8 @@ def correlate(
         )
     values, distance, size = shapes_at(modes, measured.points)
     _check_extent(measured, name, size)
-    check_distance(measured.file, measured.label, measured.points, name, distance, size)
+    labels = [f"node {n}" for n in measured.label]
+    check_distance(measured.file, labels, measured.points, name, distance, size)
     values = np.einsum("pac,pcm->pam", measured.axes, values)
     pairs = paired(
         measured.shapes[:, measured.seen], measured.frequency, values[measured.seen].T,
@@ -235,7 +236,7 @@ def check_distance(
     if distance[i] > size[i]:
         place = ", ".join(f"{1e3 * x:.4g}" for x in points[i])
         raise SceneError(
-            f"{file}: node {label[i]} at ({place}) mm is {1e3 * distance[i]:.4g} mm from the"
+            f"{file}: {label[i]} at ({place}) mm is {1e3 * distance[i]:.4g} mm from the"
             f" surface of part {part!r}, more than half a facet ({1e3 * size[i]:.3g} mm): {REMEDY}"
         )
 
