@@ -18,6 +18,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from brake_fenicsx.arguments import with_its_arguments
 from brake_fenicsx.build.law_stage import law_recipe, micro_stage
 from brake_fenicsx.checks import (
     check,
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
 DRAWING = 4  # parts of the figures, drawn by as many processes at most: each reads all results
 
 
+@with_its_arguments
 def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> Brake:
     """Assemble a scene's brake: stiffness, mass, contact operators and loads.
 
@@ -76,6 +78,7 @@ def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
     return assemble_brake(read_scene(scene, overrides), comm)
 
 
+@with_its_arguments
 def run(
     scene: str | Path,
     comm: MPI.Comm,

@@ -277,8 +277,8 @@ class Study:
                 suffice.
 
         Returns:
-            The equilibrium, and the modes with vectors in coordinates in which the mass is about
-            the identity.
+            The equilibrium, and the modes, which the mesh can show, with vectors in coordinates in
+            which the mass is about the identity.
         """
         from .solve import full_modes, reduced_modes
 
@@ -293,12 +293,27 @@ class Study:
         reduced = models.reduction.takes(sample)
         sample, eq = self.equilibria.of(sample, reduced, start)
         if reduced:
-            return eq, reduced_modes(models, sample, eq, line)
+            modes = reduced_modes(models, sample, eq, line)
+            known = {"k_vibration": eq.k_vibration, "p": eq.p}
+            known |= {"s": modes.s, "coordinates": modes.right}
+            return eq, replace(modes, on_mesh=partial(self._on_mesh, sample, known))
         modes = full_modes(models, sample, eq)
+        known = {"vectors": modes.right, "vector_mode": np.arange(len(modes))}
         right, left = models.coordinates.of(modes.right), models.coordinates.of(modes.left)
         if right is None or left is None:
             raise ValueError("prepare() made no coordinates")
-        return eq, replace(modes, right=right, left=left)
+        on_mesh = partial(self._on_mesh, sample, known)
+        return eq, replace(modes, right=right, left=left, on_mesh=on_mesh)
+
+    def _on_mesh(
+        self, sample: SampleInput, known: Mapping[str, Any], mode: int
+    ) -> tuple[Any, NDArray[np.complex128]]:
+        """Space of the displacements and those of a mode of a sample; see ``Modes.on_mesh``."""
+        from .solve import displacements
+
+        ((u, _),) = displacements(self.models, [(sample, known, np.array([mode]))], MPI.COMM_SELF)
+        free = self.brake.elastic.free
+        return free.V, free.expand(u[:, 0])
 
     def work_beside(self, what: str, task: Task, values: Mapping[str, float]) -> dict[str, Any]:
         """What an extra computes beside the modes of a sample; arguments as in ``solved``."""
