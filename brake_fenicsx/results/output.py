@@ -124,18 +124,7 @@ def _tables(study: Study) -> tuple[First, dict[str, Any], list[Ensemble] | None]
         with column_writer(path("modes.csv"), MODES) as write:
             for part in stored.modes.parts():
                 write(part)
-        known = stored.squealing_members
-        if stored.members.vectors:
-            study.families = np.array(stored.members.vectors).T
-            # A sweep compares modes that begin to squeal with the squealing mode of each family.
-            study.squealing = [*known]
-            for n, vector in known.items():
-                study.families[:, n] = vector
-        if known:
-            # For comparisons with other runs.
-            places = dof_places(study.brake, study.models.numbering.body)
-            u = study.models.coordinates.displacements(np.array([*known.values()]).T)
-            study.store.save(SHAPES, **family_shapes(places, u, np.array([*known])))
+        _keep_families(study, stored)
     if stability is not None and study.drivers is not None:
         tables["drivers"] = driver_table(stored, stability.threshold)
         tables["drivers_contact"] = contact_driver_table(stored, stability.threshold)
@@ -148,6 +137,21 @@ def _tables(study: Study) -> tuple[First, dict[str, Any], list[Ensemble] | None]
     if stability is not None and {"stability", "uncertainty"} <= {*scene.stages}:
         approaches = ensembles(run, stability.band)
     return stored.first, facts, approaches
+
+
+def _keep_families(study: Study, stored: StoredSamples) -> None:
+    """Vectors of the families for a sweep, and their shapes for comparisons with other runs."""
+    known = stored.squealing_members
+    if stored.members.vectors:
+        study.families = np.array(stored.members.vectors).T
+        # A sweep compares modes that begin to squeal with the squealing mode of each family.
+        study.squealing = [*known]
+        for n, vector in known.items():
+            study.families[:, n] = vector
+    if known:
+        places = dof_places(study.brake, study.models.numbering.body)
+        u = study.models.coordinates.displacements(np.array([*known.values()]).T)
+        study.store.save(SHAPES, **family_shapes(places, u, np.array([*known])))
 
 
 def _contact(stored: StoredSamples, contact: Contact) -> Iterator[ContactElement]:
