@@ -9,9 +9,14 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
+from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.folder.log import logger
 
 # It would answer a closed pipe and SIGTERM with its own banner and MPI_Abort.
@@ -29,6 +34,31 @@ def start_petsc(options: Sequence[str] = (), comm: Any = None) -> None:
         return
     if given := os.environ.pop("PETSC_OPTIONS", "").strip():
         logger.warning("PETSC_OPTIONS = %r: not read; write options after -- of the command", given)
-    import petsc4py
+    with beside_dolfinx("petsc4py"):
+        import petsc4py
 
-    petsc4py.init([*OPTIONS, *options], comm=comm)
+        petsc4py.init([*OPTIONS, *options], comm=comm)
+    origins = [getattr(find_spec(name), "origin", None) or "" for name in ("h5py", "dolfinx")]
+    if len({Path(origin).parents[1] for origin in origins if origin}) == 2:
+        # A wheel has an HDF5 of its own: the two bear one another if it is loaded first.
+        with beside_dolfinx("h5py"):
+            import_module("h5py")
+
+
+@contextmanager
+def beside_dolfinx(name: str) -> Iterator[None]:
+    """Name what pip installed beside the DOLFINx of a distribution, where a library cannot load.
+
+    Args:
+        name: of the library.
+
+    Raises:
+        BrakeError: why, and the remedy.
+    """
+    try:
+        yield
+    except (ImportError, ValueError) as error:
+        numpy = find_spec("numpy")
+        raise BrakeError(f"""{name} does not load with {numpy.origin if numpy else "no numpy"}
+            ({error}): NumPy, SciPy and h5py must be those that DOLFINx is installed with, see
+            docs/installation.md, "Wheel" """) from error

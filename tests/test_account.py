@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.extras.variants.comparison import comparison_text
 from brake_fenicsx.folder.kernels import kernels_in_use
+from brake_fenicsx.petsc import beside_dolfinx
 from brake_fenicsx.results.versions import differences
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
@@ -113,6 +115,13 @@ def test_options_of_petsc_are_those_of_the_command_line(accounts):
     lazy = "import brake_fenicsx.compat\n" + code.partition("\n")[2].partition("\n")[2]
     lazy = lazy.replace("o.getString('wanted')", "o.hasName('wanted')")
     assert called(accounts["hostile"], sys.executable, "-c", lazy).stdout == "False False\n"
+
+
+def test_a_library_of_another_numpy_is_named():
+    """petsc4py 3.18.5 of Debian 12 with the wheel of NumPy 2.4.6: "dtype size changed"."""
+    said = r"petsc4py does not load with .*numpy.* \(size changed\)"
+    with pytest.raises(BrakeError, match=said), beside_dolfinx("petsc4py"):
+        raise ValueError("size changed")
 
 
 def test_forms_are_compiled_as_the_program_says(accounts):
