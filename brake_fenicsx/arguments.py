@@ -1,4 +1,4 @@
-"""Checks of arguments: one line that names the argument, its value and a remedy."""
+"""Kinds of arrays, and checks of arguments: a line with the argument, its value and a remedy."""
 
 from __future__ import annotations
 
@@ -14,6 +14,10 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError, SurfaceError
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+AnyArray = NDArray[Any]
 P, R = ParamSpec("P"), TypeVar("R")
 
 REAL = int, float, np.integer, np.floating

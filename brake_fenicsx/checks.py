@@ -45,7 +45,7 @@ def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
 
         check_brake(scene, comm)
         if any(changes_bodies(scene, name) for name in scene.varied):
-            from brake_fenicsx.build.box import check_box
+            from brake_fenicsx.build.values import check_box
 
             check_box(scene)
     return stats

@@ -58,9 +58,13 @@ def describe(
     built: dict[str, Any] = {}
     told, noted, samples, side = list[str](), list[str](), dict[str, int](), None
     if "equilibrium" in parsed.stages:
-        from brake_fenicsx.build.brake import assemble_brake
+        from brake_fenicsx.build.brake import (
+            assemble_brake,
+            interfaces_of,
+            inventory_lines,
+            parts_of,
+        )
         from brake_fenicsx.build.brake_doubts import brake_doubts
-        from brake_fenicsx.build.inventory import interfaces_of, inventory_lines, parts_of
         from brake_fenicsx.samples.sampling import sample_count
 
         brake = assemble_brake(parsed, comm)

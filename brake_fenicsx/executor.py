@@ -92,7 +92,7 @@ def samples_elsewhere(
         SceneError: a worker cannot enter the folder.
         BrakeError: samples are missing since workers ended; raised after all others.
     """
-    from brake_fenicsx.samples.shared_matrices import with_shared_matrices
+    from brake_fenicsx.samples.numbering import with_shared_matrices
 
     study = model.study
     _prepare(study, tasks)

@@ -259,7 +259,7 @@ def brake_stage(this: Run) -> Brake:
             this.facts,
         )
     if this.comm.size > 1 or not this.whole:
-        from brake_fenicsx.samples.shared_matrices import with_shared_matrices
+        from brake_fenicsx.samples.numbering import with_shared_matrices
 
         brake = with_shared_matrices(brake, this.store, this.comm)
     mean_patch = 1e-3 * float(this.facts["mean_patch_mm"])

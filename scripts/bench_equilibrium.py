@@ -86,7 +86,7 @@ def measure_element(case: dict[str, Any]) -> dict[str, Any]:
     from brake_fenicsx.macro.braking import reference_stiffness
     from brake_fenicsx.macro.condensation import compliance
     from brake_fenicsx.macro.equilibrium import equilibrium
-    from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
+    from brake_fenicsx.stability.eigensolvers.symmetric import lowest_modes
 
     sizes = scaled(case["factor"], case["cells"])
     kind = case["cells"], case["order"], case.get("degree", 2)
@@ -101,7 +101,7 @@ def measure_element(case: dict[str, Any]) -> dict[str, Any]:
     return {
         "dofs": b.elastic.free.size, "elements": len(b.w), "assembly": assembly,
         "nonzeros": b.K.nnz, "factor": seen.factor.seconds, "modes": seconds,
-        "frequency": list(np.sqrt(modes.Lambda[:MODES]) / 2 / np.pi),
+        "frequency": list(np.sqrt(modes.kappa[:MODES]) / 2 / np.pi),
         "force": list(binned(b.points, b.w * eq.p)), "memory": gigabytes(),
     }  # fmt: skip
 

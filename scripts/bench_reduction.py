@@ -42,7 +42,7 @@ from brake_fenicsx.stability import (
     reduce_bodies,
     split_substructures,
 )
-from brake_fenicsx.stability.damping_matrices import sliding_damping, velocity_slope
+from brake_fenicsx.stability.damping_matrices import friction_damping
 from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.modes import THRESHOLD
 from brake_fenicsx.stability.substructures import CONSTANT
@@ -144,8 +144,7 @@ class Case:
             values = self.random.box.values(x)
             K = K + self.random.change(values, "K")
             C = C + self.random.change(values, "C")
-        C = C + sliding_damping(b.R, b.w, contact.across * V, V + 0 * b.w, 1.0)
-        C = (C + velocity_slope(b.T, b.w, contact.along, 1.0)).tocsr()
+        C = (C + friction_damping(b.T, b.R, b.w, contact.along, contact.across)).tocsr()
         C.eliminate_zeros()
         whole = tangent(K, b.N, b.T, b.w, contact.k, MU)
         friction = contact_interface(b.N, b.T, b.w * contact.k, np.full(b.w.size, MU))

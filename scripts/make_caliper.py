@@ -29,7 +29,7 @@ from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.meshing.brake_mesh import build_mesh
-from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
+from brake_fenicsx.stability.eigensolvers.symmetric import lowest_modes
 
 # Boxes [mm]: housing, bridge, fingers, and the bosses of both guide pins.
 BOXES = (

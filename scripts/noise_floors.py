@@ -34,7 +34,7 @@ def floors(study) -> list[str]:
     bodies = study.equilibria.bodies(sample, reduced)
     eq = equilibrium(bodies, sample.laws, sample.friction.equilibrium, 2, tolerance=BELOW)
     modes = reduced_modes(models, sample, eq)
-    model, p = models.reduction.of(sample), sample.brake.point
+    model, p = models.reduction.of(sample.approach), sample.brake.point
     contact = linearised(sample, eq.k_vibration, eq.p)
     chosen = np.flatnonzero(modes.s.imag > 0.01 * 2 * np.pi * model.band[1])[:40]
     s, right, left = modes.s[chosen], modes.right[:, chosen], modes.left[:, chosen]

@@ -171,7 +171,7 @@ def compared(study, task):
     K = tangent(sample.brake.K, b.N, b.T, b.w, eq.k_vibration, sample.friction.mu).toarray()
     M, C = sample.brake.M.toarray(), sample.brake.C(sample.friction, eq.p)
     low, high = (2 * np.pi * f for f in models.stability.band)
-    model = models.reduction.of(sample)
+    model = models.reduction.of(sample.approach)
     if C is None:
         exact = all_lambda(K, M)
         exact = np.concatenate([exact, -exact.conj()[np.abs(exact.real) > 1e-9 * np.abs(exact)]])

@@ -13,7 +13,7 @@ from brake_fenicsx.stability import (
     reduce_bodies,
     split_substructures,
 )
-from brake_fenicsx.stability.damping_matrices import gyroscopic, sliding_damping, velocity_slope
+from brake_fenicsx.stability.damping_matrices import friction_damping, gyroscopic
 from brake_fenicsx.stability.substructures import CONSTANT
 from dense_reference import Dense, agrees, all_lambda
 
@@ -135,8 +135,8 @@ class Sample:
             c = coefficients(spread)(self.x)
             for a, share, A in zip(c, shares, unit_changes(scene), strict=True):
                 self.K, C = self.K + a * A, C + share * a * A
-        C = C + sliding_damping(scene.R, scene.w, self.across * SPEED, SPEED + 0 * p, 1.0)
-        self.C = (C + velocity_slope(scene.T, scene.w, self.along, 1.0)).tocsr()
+        rates = self.along, self.across
+        self.C = (C + friction_damping(scene.T, scene.R, scene.w, *rates)).tocsr()
 
     @property
     def contact(self):

@@ -1,16 +1,31 @@
 """Sizes of the house, measured on its source: tests/gates.toml."""
 
 import ast
+import sys
+import tempfile
 import tokenize
 import tomllib
 from collections import Counter
 from functools import cache
 
+from mpi4py import MPI
+
 import pytest
 
+from brake_fenicsx.pipeline import run
+from brake_fenicsx.samples.sampling import SampleInput
+from brake_fenicsx.samples.solve import reduced_modes
+from brake_fenicsx.samples.study import Study
+from brake_fenicsx.stability.substructures.sample_problem import SampleProblem
 from source_tree import ROOT, circles, imports, sources, tree
 
 GATES = tomllib.loads((ROOT / "tests" / "gates.toml").read_text())
+BLOCK = ROOT / "scripts" / "scenes" / "block_on_plate.toml"
+ROUGH = [
+    "stages=['surface','equilibrium','stability','uncertainty']", "samples.n=2",
+    "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",
+    "parts.block.size='14 mm'", "parts.plate.size='20 mm'", "stability.method=reduced",
+]  # fmt: skip
 NO_CODE = {
     tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT,
     tokenize.ENCODING, tokenize.ENDMARKER,
@@ -67,7 +82,34 @@ def branches(function):
     return sum(isinstance(node, BRANCHES) for node in ast.walk(function))
 
 
+@cache
+def handed():
+    """Functions that get a sample or its reduced problem: on its way to modes, and in a task."""
+    passed = {reduced_modes.__code__: set(), Study.work.__code__: set()}
+    active, samples = set(), (SampleInput, SampleProblem)
+
+    def note(frame, event, _):
+        code = frame.f_code
+        if code in passed and event in ("call", "return"):
+            (active.add if event == "call" else active.discard)(code)
+        if event == "call" and active and "brake_fenicsx" in code.co_filename:
+            given = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+            if any(isinstance(frame.f_locals.get(name), samples) for name in given):
+                for start in active:
+                    passed[start].add(code)
+
+    with tempfile.TemporaryDirectory() as folder:
+        sys.setprofile(note)
+        try:
+            run(BLOCK, MPI.COMM_SELF, folder, ROUGH)
+        finally:
+            sys.setprofile(None)
+    return [len(functions) for functions in passed.values()]
+
+
 MEASURED = {
+    "functions_to_modes": lambda: handed()[0],
+    "functions_of_task": lambda: handed()[1],
     "circles": lambda: len(circles(types=False)),
     "circles_outside_scene": circles_outside_scene,
     "scene_in_mechanics": scene_in_mechanics,

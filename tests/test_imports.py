@@ -81,7 +81,7 @@ def test_full_order_and_reduced_model_share_what_lies_below(folder):
 def test_one_module_connects_full_order_and_the_reduced_model():
     """The count of damped modes at full order is that of a reduced model."""
     both = {n for n in modules("stability") if {"full", "substructures"} <= stability(n)}
-    assert both == {"brake_fenicsx.stability", "brake_fenicsx.stability.damped_count"}
+    assert both == {"brake_fenicsx.stability", "brake_fenicsx.stability.eigen"}
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,8 @@
-"""A scene's brake: parts, materials, supports, loads and interfaces to operators."""
+"""A scene's brake: operators of what it names, and its inventory to compare with other models."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -9,26 +10,27 @@ from mpi4py import MPI
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from brake_fenicsx import compat
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import sections
 from brake_fenicsx.macro.condensation import Compliance
 from brake_fenicsx.macro.contact_elements import Contact, join
-from brake_fenicsx.macro.elasticity import Elastic
+from brake_fenicsx.macro.elasticity import Elastic, affine_parts, layer_masses
 from brake_fenicsx.macro.material import Material
+from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.macro.stuck import Stuck, stick
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.approaches import slides
+from brake_fenicsx.scene.bodies_section import Motion
+from brake_fenicsx.stability.damping_matrices import gyroscopic
 
-from .bodies import assemble_bodies, on_matrices
+from .bodies import assemble_bodies, lift, load_vectors, on_matrices, pressing
 from .interfaces import check_apart, interface_elements, scene_motion, uncovered, zone_of
-from .loads import lift, load_vectors, pressing
 from .material_table import layer_materials, scene_materials
 from .scene_mesh import check_mesh, scene_mesh
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,7 @@ class Brake:
         contact: contact elements of all interfaces.
         f: loads [N], all free dofs.
         pressed: sum of the loads' magnitudes [N].
-        unit_loads: load vectors of the scene's loads, see ``loads.load_vectors``.
+        unit_loads: load vectors of the scene's loads, see ``bodies.load_vectors``.
         lift: prescribed displacements on the dofs of the mesh [m]; None without any.
         compliance: the bodies seen from the contact elements, see ``macro.braking``; None until
             then.
@@ -161,6 +163,25 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     )  # fmt: skip
 
 
+def layer_matrix(
+    scene: Scene, brake: Brake, enters: str, given: Mapping[str, Any]
+) -> sp.csr_matrix:
+    """A matrix of some layers by themselves.
+
+    Args:
+        scene: the scene.
+        brake: its operators.
+        enters: "K" for stiffness [N/m], "C" for the gyroscopic term [N s/m], "M" for mass [kg].
+        given: layer -> stiffness in x, y, z [Pa], or density [kg/m^3].
+    """
+    mesh, free, motion = brake.mesh, brake.elastic.free, scene_motion(scene)
+    if enters == "K":
+        return affine_parts(mesh, free, [given])[0]
+    if enters == "C" and isinstance(motion, Rotation):
+        return gyroscopic(mesh, free, given, motion)
+    return sum(layer_masses(mesh, free, given, scene.mesh.mass == "lumped").values())
+
+
 def check_brake(scene: Scene, comm: MPI.Comm) -> None:
     """Refuse what cannot be built, before anything is meshed or written.
 
@@ -190,3 +211,81 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
                 " part with a mesh, to which the set is tied"
             )
     layer_materials(scene, check_mesh(scene, faces, comm), materials)
+
+
+def parts_of(scene: Scene, brake: Brake) -> dict[str, dict[str, Any]]:
+    """Mass and extent of each part: {"mass_kg": .., "extent_mm": [x, y, z]}.
+
+    Masses that the scene adds to faces are left out; the extent of a body given by matrices is that
+    of its nodes.
+    """
+    mesh = brake.mesh
+    mass = dict.fromkeys(mesh.extents, 0.0)
+    for layer, volume in mesh.volumes.items():
+        mass[layer.partition(".")[0]] += brake.materials[layer].rho * volume
+    boxes = {n: (mass[n], box) for n, box in mesh.extents.items()} | brake.elastic.bodies
+    return {
+        name: {"mass_kg": boxes[name][0], "extent_mm": [1e3 * side for side in boxes[name][1]]}
+        for name in scene.parts
+        if name in boxes
+    }
+
+
+def interfaces_of(scene: Scene, brake: Brake) -> dict[str, dict[str, Any]]:
+    """Area, number of elements, area without opposite face and gaps of each interface."""
+    interfaces = {}
+    for i, name in enumerate(scene.contact):
+        elements = brake.contact.interface == i
+        opposite, whole = brake.faced[name]
+        interfaces[name] = {
+            "area_mm2": _rounded(1e6 * brake.w[elements].sum()),
+            "contact_elements": int(elements.sum()),
+            "faces_nothing_mm2": _rounded(1e6 * (whole - opposite)),
+            "gap_um": [_rounded(1e6 * end(brake.g0[elements])) for end in (np.min, np.max)],
+        }
+    return interfaces
+
+
+def inventory_lines(
+    scene: Scene, parts: dict[str, dict[str, Any]], interfaces: dict[str, dict[str, Any]]
+) -> list[str]:
+    """Parts and interfaces, as above, a line each."""
+    lines = []
+    for name, part in parts.items():
+        sides = " x ".join(f"{side:.4g}" for side in part["extent_mm"])
+        lines.append(f"part {name}: {part['mass_kg']:.4g} kg, {sides} mm")
+    motion = scene.motion
+    for name, one in interfaces.items():
+        faces = scene.contact[name].faces
+        pad, disc = (face.partition(".")[0] for face in faces)
+        if not slides(scene, name):
+            sliding = f"{disc!r} and {pad!r} stick"
+        elif motion is None:
+            sliding = f"{disc!r} under {pad!r}, no motion"
+        elif motion.direction is not None:
+            along = ", ".join(f"{x:g}" for x in motion.direction)
+            sliding = f"{disc!r} slides over {pad!r} along ({along}) at {motion.speed or '1 m/s'}"
+        else:
+            speed = motion.speed or "1 rad/s"
+            sliding = f"{disc!r} turns about {_axis(motion)} under {pad!r} at {speed}"
+        low, high = one["gap_um"]
+        lines.append(
+            f"contact {name}: {sliding}; area {one['area_mm2']:.4g} mm^2,"
+            f" {one['contact_elements']} elements; {one['faces_nothing_mm2']:.4g} mm^2 of"
+            f" {faces[0]} have no opposite face; gap before the load {low:.4g} to {high:.4g} um"
+        )
+    return lines
+
+
+def _axis(motion: Motion) -> str:
+    """The axis of a rotation in words."""
+    axis = motion.axis or "z"
+    named = axis if isinstance(axis, str) else f"({', '.join(f'{a:g}' for a in axis)})"
+    if motion.point is None:
+        return named
+    return f"{named} through ({', '.join(f'{1e3 * a:g}' for a in motion.point)}) mm"
+
+
+def _rounded(value: float) -> float:
+    """A number without its round-off, and no negative zero."""
+    return round(float(value), 6) + 0.0

@@ -22,14 +22,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.elasticity import affine_parts, face_mass, layer_masses
+from brake_fenicsx.macro.elasticity import face_mass
 from brake_fenicsx.macro.material import rotate_about_z
 from brake_fenicsx.macro.matrix_series import Power
 from brake_fenicsx.macro.sliding_friction import Rotation
@@ -38,31 +38,21 @@ from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import turning_parts
 from brake_fenicsx.scene.samples_section import is_constant, split_key
 from brake_fenicsx.scene.scalars import SPEED, is_inertia, is_length
-from brake_fenicsx.stability.damping_matrices import gyroscopic
+from brake_fenicsx.stability.substructures import Parameters
 
-from .box import Box, softening
-from .brake import Brake
+from . import material_table
+from .brake import Brake, layer_matrix
 from .damping_terms import damping_slope, mass_share, stiffness_share
 from .interfaces import scene_motion
 from .lengths import MovingContact, Shape, Shapes, lengths_in, shapes_of
-from .material_table import (
-    STIFFNESSES,
-    by_material,
-    constants,
-    material_of,
-    stiffness,
-    varied_stiffness,
-)
-from .values import Values
+from .values import Box, Values, softening
 
-if TYPE_CHECKING:
-    from brake_fenicsx.stability.substructures import Parameters
-
-Array = NDArray[np.float64]
 Of = Callable[[Values], float]
 
 # Voigt indices of the nine orthotropic stiffnesses.
-VOIGT = {name: (int(name[1]) - 1, int(name[2]) - 1) for name in STIFFNESSES["orthotropic"]}
+VOIGT = {
+    name: (int(name[1]) - 1, int(name[2]) - 1) for name in material_table.STIFFNESSES["orthotropic"]
+}
 # Rows of the coefficients: stiffness, damping, mass.
 ROWS = "KCM"
 
@@ -112,8 +102,6 @@ class ChangingBodies:
     @property
     def parameters(self) -> Parameters:
         """What the reduced model interpolates over."""
-        from brake_fenicsx.stability.substructures import Parameters
-
         names = self.box.names
         shapes = tuple(i for i, n in enumerate(names) if is_length(n) or is_inertia(n))
         sliding = tuple(i for i, name in enumerate(names) if name in self.contact.names)
@@ -204,7 +192,7 @@ class _Rows:
 
     def moduli(self) -> Iterator[Term]:
         """The C_ij that random and swept constants move."""
-        for material, names in by_material(dict.fromkeys(self.scene.varied)).items():
+        for material, names in material_table.by_material(dict.fromkeys(self.scene.varied)).items():
             share = partial(stiffness_share, self.scene, material)
             for constant in moved_entries(self.scene, material, [*names]):
                 changes = unit_change(self.scene, self.brake.mesh, material, constant)
@@ -220,7 +208,7 @@ class _Rows:
         if isinstance(scene_motion(self.scene), Rotation):
             turns = turning_parts(self.scene)
         for layer, m in self.brake.materials.items():
-            material, lengths = material_of(self.scene, layer), self._lengths(layer)
+            material, lengths = material_table.material_of(self.scene, layer), self._lengths(layer)
             if lengths or material in dense:
                 groups.setdefault((material, lengths), {})[layer] = m
         for (material, lengths), own in groups.items():
@@ -240,7 +228,8 @@ class _Rows:
         for name in self.box.names:
             amount = partial(Values.value, name=name)
             if split_key(name)[2] == "mass":
-                given = self.brake.elastic.free, split_key(name)[1], self._lumped
+                lumped = self.scene.mesh.mass == "lumped"
+                given = self.brake.elastic.free, split_key(name)[1], lumped
                 yield Term(face_mass(self.brake.mesh, *given), "M", "", amount, self._mass_share)
             elif not _in_bodies(name):
                 yield Term(damping_slope(self.scene, self.brake, name), "C", "", amount, _one)
@@ -260,7 +249,8 @@ class _Rows:
             constant: likewise.
             fixed: see above.
         """
-        make, shape = partial(self._matrix, enters, given), self.shapes.get(lengths)
+        make = partial(layer_matrix, self.scene, self.brake, enters, given)
+        shape = self.shapes.get(lengths)
         if not given or (shape is None and not fixed):
             return
         split: dict[Power, sp.csr_matrix] = {(): make()}
@@ -271,22 +261,9 @@ class _Rows:
                 multiple = partial(_multiple, shape, lengths, power, enters != "K", amount)
                 yield Term(A, enters, constant, multiple, share)
 
-    def _matrix(self, enters: str, given: Mapping[str, Any]) -> sp.csr_matrix:
-        """Stiffness, gyroscopic term or mass of some layers."""
-        mesh, free, motion = self.brake.mesh, self.brake.elastic.free, scene_motion(self.scene)
-        if enters == "K":
-            return affine_parts(mesh, free, [given])[0]
-        if enters == "C" and isinstance(motion, Rotation):
-            return gyroscopic(mesh, free, given, motion)
-        return sum(layer_masses(mesh, free, given, self._lumped).values())
-
     def _lengths(self, layer: str) -> tuple[str, ...]:
         """Lengths that a layer follows."""
         return next((names for names, s in self.shapes.items() if layer in s.layers), ())
-
-    @property
-    def _lumped(self) -> bool:
-        return self.scene.mesh.mass == "lumped"
 
     def _mass_share(self, values: Values) -> float:
         return mass_share(self.scene, values)
@@ -326,10 +303,10 @@ def _share_patterns(matrices: list[sp.csr_matrix]) -> None:
 def moved_entries(scene: Scene, material: str, names: list[str]) -> list[str]:
     """Which C_ij some constants of a material move."""
     table = scene.materials[material]
-    C, usual = stiffness(table), constants(table)
+    C, usual = material_table.stiffness(table), material_table.constants(table)
     moved = np.zeros((6, 6), dtype=bool)
     for name in names:
-        change = varied_stiffness(table, {name: usual[name] * 1.001 or 1e-3}) - C
+        change = material_table.varied_stiffness(table, {name: usual[name] * 1.001 or 1e-3}) - C
         moved |= np.abs(change) > 1e-9 * np.abs(C).max()
     return [constant for constant, index in VOIGT.items() if moved[index]]
 
@@ -341,7 +318,7 @@ def unit_change(scene: Scene, mesh: Mesh, material: str, constant: str) -> dict[
     unit[i, j] = unit[j, i] = 1.0
     changes = {}
     for layer in mesh.layers:
-        if material_of(scene, layer) == material:
+        if material_table.material_of(scene, layer) == material:
             part = scene.parts[layer.partition(".")[0]]
             angle = part.axis + scene.materials[material].axis
             changes[layer] = rotate_about_z(unit, angle)

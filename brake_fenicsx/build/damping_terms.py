@@ -29,10 +29,9 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.macro.contact_elements import Contact
-from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.sliding_friction import Rotation, SlidingFriction
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import (
@@ -44,21 +43,14 @@ from brake_fenicsx.scene.approaches import (
 from brake_fenicsx.scene.samples_section import split_key
 from brake_fenicsx.scene.scalars import SPEED
 from brake_fenicsx.scene.stability_section import Damping, ModalDamping
-from brake_fenicsx.stability.damping_matrices import (
-    gyroscopic,
-    loss_factor,
-    rayleigh,
-    sliding_damping,
-    velocity_slope,
-)
+from brake_fenicsx.stability.damping_matrices import friction_damping
 from brake_fenicsx.stability.substructures import Substructure
 from brake_fenicsx.stability.substructures.substructure import ModalRatio
 
-from .brake import Brake
+from .brake import Brake, layer_matrix
 from .interfaces import scene_motion
 from .material_table import material_of
 
-Array = NDArray[np.float64]
 RAYLEIGH = ("stability.damping.rayleigh.alpha", "stability.damping.rayleigh.beta")
 
 
@@ -91,13 +83,12 @@ class Terms:
             p: pressures at equilibrium [Pa], shape (elements,).
             change: what the sample adds to the damping of the scene's bodies [N s/m].
         """
-        mu, parts = friction.mu, [] if self.bulk is None else [self.bulk]
+        parts = [] if self.bulk is None else [self.bulk]
         if change is not None and change.nnz:
             parts.append(change)
-        if self.turns and np.any(mu * p):
-            parts.append(sliding_damping(contact.R, contact.w, p, friction.speed, mu))
-        if self.falls and np.any(friction.slope * p):
-            parts.append(velocity_slope(contact.T, contact.w, p, friction.slope))
+        rates = friction.rates(p, self.turns, self.falls)
+        if np.any(rates):
+            parts.append(friction_damping(contact.T, contact.R, contact.w, *rates))
         return _sum(parts)
 
 
@@ -112,12 +103,12 @@ def _terms_of_bodies(scene: Scene, brake: Brake, table: Damping) -> Iterator[sp.
     if brake.elastic.C is not None:
         yield brake.elastic.C
     if table.rayleigh is not None:
-        yield rayleigh(brake.M, brake.K, *table.rayleigh)
+        yield table.rayleigh[0] * brake.M + table.rayleigh[1] * brake.K
     if table.loss:
-        yield _hysteretic(brake, table.reference)
-    motion = scene_motion(scene)
-    if table.gyroscopic and isinstance(motion, Rotation):
-        yield gyroscopic(brake.mesh, brake.elastic.free, turning_density(scene, brake), motion)
+        damped = {n: m.loss / table.reference * m.C for n, m in brake.materials.items() if m.loss}
+        yield layer_matrix(scene, brake, "K", damped)
+    if table.gyroscopic and isinstance(scene_motion(scene), Rotation):
+        yield layer_matrix(scene, brake, "C", turning_density(scene, brake))
     for term in table.own:
         yield term.matrix(brake)
 
@@ -145,15 +136,6 @@ def record(scene: Scene, contact: Contact) -> dict[str, Any]:
         for term, numbers in facts.items()
         if numbers
     }
-
-
-def _hysteretic(brake: Brake, omega_ref: float) -> sp.csr_matrix:
-    """Loss factors of the layers, one stiffness assembled for each value of them."""
-    layers = brake.materials
-    values = sorted({m.loss for m in layers.values() if m.loss})
-    groups = [{n: m.C for n, m in layers.items() if m.loss == eta} for eta in values]
-    stiffnesses = affine_parts(brake.mesh, brake.elastic.free, groups)
-    return loss_factor(list(zip(values, stiffnesses, strict=True)), omega_ref)
 
 
 def _sum(parts: list[sp.csr_matrix]) -> sp.csr_matrix | None:
@@ -232,13 +214,13 @@ def damping_slope(scene: Scene, brake: Brake, name: str) -> sp.csr_matrix:
     Returns:
         dC/d(scalar) [N s/m over its unit], whole on this process.
     """
-    mesh, free, motion = brake.mesh, brake.elastic.free, scene_motion(scene)
+    motion = scene_motion(scene)
     if name in RAYLEIGH:
         return brake.M if name == RAYLEIGH[0] else brake.K
     if name == SPEED and isinstance(motion, Rotation):
-        return gyroscopic(mesh, free, turning_density(scene, brake), replace(motion, speed=1.0))
+        return layer_matrix(scene, brake, "C", turning_density(scene, brake)) / motion.speed
     if scene.damping is None:
         raise ValueError(f"{name}: a scene without damping")
     material = split_key(name)[1]
     own = {n: m.C for n, m in brake.materials.items() if material_of(scene, n) == material}
-    return (affine_parts(mesh, free, [own])[0] / scene.damping.reference).tocsr()
+    return layer_matrix(scene, brake, "K", own) / scene.damping.reference

@@ -9,8 +9,8 @@ from itertools import combinations
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.errors import SceneError, located
 from brake_fenicsx.macro.contact_elements import Contact, contact_elements, restricted
 from brake_fenicsx.macro.elasticity import FreeDofs
@@ -21,7 +21,6 @@ from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.contact_section import Zone
 from brake_fenicsx.scene.units import quantity_text
 
-Array = NDArray[np.float64]
 TURN = 2 * np.pi
 
 
@@ -58,7 +57,7 @@ def interface_elements(
         return contact_elements(mesh, free, faces, motion, table.discretisation, table.search, comm)
 
 
-def in_zone(zone: Zone, points: Array) -> NDArray[np.bool_]:
+def in_zone(zone: Zone, points: Array) -> Mask:
     """Which points lie in a zone.
 
     Args:

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx import micro
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import BrakeError, NotConverged, SceneError, StorageError
 from brake_fenicsx.extensions import beside_samples
 from brake_fenicsx.folder.files import digest, emptied, whole_file
@@ -20,7 +21,6 @@ from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.digest import laws_key
 
 if TYPE_CHECKING:
-    from brake_fenicsx.micro import LawLibrary, LawRecipe, LawSteps
     from brake_fenicsx.micro.halfspace import Boundary
     from brake_fenicsx.micro.settings import BulkCompliance
     from brake_fenicsx.scene.surface_section import Micro
@@ -37,40 +37,36 @@ SOFT, BRAKING, SOME = 400e6, 0.2e6, 0.1
 TIMES, LEAST = 4.0, 1e6
 
 
-def law_recipe(scene: Scene, stats: SurfaceStatistics) -> LawRecipe | None:
+def law_recipe(scene: Scene, stats: SurfaceStatistics) -> micro.LawRecipe | None:
     """What the artificial surfaces and their laws are made from; None without the stage micro."""
-    micro = scene.micro
-    if micro is None or "micro" not in scene.stages:
+    table = scene.micro
+    if table is None or "micro" not in scene.stages:
         return None
-    from brake_fenicsx.micro import LawRecipe, LawSettings, plane_strain_modulus
-
     surface = scene.surface
     if surface is None:
         raise SceneError(f"{scene.file}: surface: the section is missing")
-    E_star = plane_strain_modulus(micro.E, micro.nu)
-    settings = LawSettings(
+    E_star = micro.plane_strain_modulus(table.E, table.nu)
+    settings = micro.LawSettings(
         E_star,
-        max_pressure=None if micro.max_pressure is None else micro.max_pressure * E_star,
-        steps=micro.steps,
-        boundary=cast("Boundary", micro.boundary),
-        bulk_compliance=cast("BulkCompliance", micro.bulk_compliance),
-        tolerance=micro.tolerance,
-        hardness=micro.hardness,
+        max_pressure=None if table.max_pressure is None else table.max_pressure * E_star,
+        steps=table.steps,
+        boundary=cast("Boundary", table.boundary),
+        bulk_compliance=cast("BulkCompliance", table.bulk_compliance),
+        tolerance=table.tolerance,
+        hardness=table.hardness,
     )
-    pixels, side = int(micro.pixels), float(micro.patch)
-    return LawRecipe(
+    pixels, side = int(table.pixels), float(table.patch)
+    return micro.LawRecipe(
         stats.spectrum, stats.hdf, settings, (pixels, pixels), (side, side), surface.low,
         surface.S_q,
     )  # fmt: skip
 
 
-def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
+def micro_stage(this: Run, stats: SurfaceStatistics) -> micro.LawLibrary:
     """Artificial surfaces to a library of pressure-gap laws, shared by the processes."""
-    from brake_fenicsx.micro import load_laws
-
     scene, recipe = this.scene, law_recipe(this.scene, stats)
-    micro = scene.micro
-    if micro is None or recipe is None:
+    table = scene.micro
+    if table is None or recipe is None:
         raise SceneError(f"{scene.file}: micro: the section is missing")
     path, wanted = this.store.path("laws.npz"), wanted_pressure(this)
 
@@ -79,12 +75,12 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
 
     with this.stage("micro"), this.cache.shared("laws.npz", key, this.comm):
         if not this.comm.bcast(path.exists(), root=0):
-            _Laws(this, stats, micro, recipe, wanted, digest(key())).write(path)
-        library = load_laws(path)
+            _Laws(this, stats, table, recipe, wanted, digest(key())).write(path)
+        library = micro.load_laws(path)
         this.warn(library.settings["notes"])
         if library.reach is None:
             return library
-        return replace(library, longer=recipe.longer(micro.seed))
+        return replace(library, longer=recipe.longer(table.seed))
 
 
 def wanted_pressure(this: Run) -> float:
@@ -94,8 +90,8 @@ def wanted_pressure(this: Run) -> float:
     beside its samples (limit cycles). Brakes of about one load have one pressure, and so one
     library: a power of two [MPa].
     """
-    mean, micro = _mean_pressure(this), this.scene.micro
-    if mean is None or micro is None or micro.max_pressure is not None:
+    mean, table = _mean_pressure(this), this.scene.micro
+    if mean is None or table is None or table.max_pressure is not None:
         return inf
     if beside_samples(this.scene):  # a vibrating patch passes any pressure of the equilibrium
         return inf
@@ -115,7 +111,7 @@ class _Laws:
     Attributes:
         this: the run.
         stats: statistics of its surface.
-        micro: the section [micro].
+        table: the section [micro].
         recipe: what the laws are made from.
         wanted: mean pressure up to which they are made [Pa].
         mark: digest of what they depend on.
@@ -123,31 +119,30 @@ class _Laws:
 
     this: Run
     stats: SurfaceStatistics
-    micro: Micro
-    recipe: LawRecipe
+    table: Micro
+    recipe: micro.LawRecipe
     wanted: float
     mark: str
 
     def write(self, path: Path) -> None:
         """Make the laws and the scatter of scans drawn anew, and write the library; collective."""
-        from brake_fenicsx.micro import make_library, save_laws
         from brake_fenicsx.micro.law_of_surface import doubts
         from brake_fenicsx.micro.support import PRESSURES, law_support
 
-        comm, store, micro, recipe = self.this.comm, self.this.store, self.micro, self.recipe
+        comm, store, table, recipe = self.this.comm, self.this.store, self.table, self.recipe
         store.path(PIECES).mkdir(parents=True, exist_ok=True)
-        first = recipe.surface(micro.seed, 0)
+        first = recipe.surface(table.seed, 0)
         self._note(first)
         # Without a scan, or up to less than the pressures of the band, none is drawn anew.
         band = bool(self.stats.topographies) and max(PRESSURES) < recipe.settings.highest
-        scans = micro.scans if band else 0
-        what = f"contact laws of {micro.laws} surfaces"
+        scans = table.scans if band else 0
+        what = f"contact laws of {table.laws} surfaces"
         what += f" and {scans} resampled scans" * bool(scans)
-        counts = (len(range(comm.rank, n, comm.size)) for n in (micro.laws, scans))
+        counts = (len(range(comm.rank, n, comm.size)) for n in (table.laws, scans))
         progress = Progress(f"{what}{f', process 1 of {comm.size}' * (comm.size > 1)}", *counts)
-        laws = self._spread(micro.laws, self._law, progress)
+        laws = self._spread(table.laws, self._law, progress)
         notes = comm.bcast([*doubts(first), *self._beyond()] if comm.rank == 0 else None)
-        settings = {**recipe.record(), "seed": micro.seed, "notes": notes}
+        settings = {**recipe.record(), "seed": table.seed, "notes": notes}
         drawn = self._spread(scans, self._drawn, progress)
         if len(drawn) < 0.8 * scans:
             logger.warning("only %d of %d resampled scans gave a law: no band", len(drawn), scans)
@@ -157,10 +152,10 @@ class _Laws:
                 notes.append(doubt)
             settings["support"] = {k: v.tolist() for k, v in asdict(support).items()}
         reach = [recipe.reach(steps, self.wanted) for steps in laws]
-        library = make_library(laws, list(range(len(laws))), settings, reach)
+        library = micro.make_library(laws, list(range(len(laws))), settings, reach)
         if comm.rank == 0:
             with whole_file(path, durable=True) as part:
-                save_laws(part, library)
+                micro.save_laws(part, library)
         comm.Barrier()
         if comm.rank == 0:
             emptied(store.path(PIECES))
@@ -192,22 +187,21 @@ class _Laws:
         every = {i: made for part in comm.allgather(own) for i, made in part.items()}
         return [every[i] for i in range(count) if every[i] is not None]
 
-    def _law(self, number: int) -> LawSteps:
+    def _law(self, number: int) -> micro.LawSteps:
         """Steps of a law."""
-        from brake_fenicsx.micro import LawSteps
 
         def solve() -> dict[str, Any]:
-            steps = self.recipe.law(self.micro.seed, number, self.wanted)._asdict()
+            steps = self.recipe.law(self.table.seed, number, self.wanted)._asdict()
             return {name: a for name, a in steps.items() if a is not None}
 
-        return LawSteps(**self._kept(f"law-{number:05d}", solve))
+        return micro.LawSteps(**self._kept(f"law-{number:05d}", solve))
 
-    def _drawn(self, number: int) -> NDArray[np.float64] | None:
+    def _drawn(self, number: int) -> Array | None:
         """The law of a scan drawn anew, see ``drawn_law``; None of one too poor for a fit."""
         from brake_fenicsx.micro.support import drawn_law
 
         def solve() -> dict[str, Any]:
-            return {"rows": drawn_law(self.recipe, self.stats, self.micro.seed, number)}
+            return {"rows": drawn_law(self.recipe, self.stats, self.table.seed, number)}
 
         try:
             return self._kept(f"drawn-{number:05d}", solve)["rows"]
@@ -229,8 +223,6 @@ class _Laws:
 
     def _beyond(self) -> list[str]:
         """Whether laws carry more than linings do, or end too low, at the brake's pressure."""
-        from brake_fenicsx.micro import force_above
-
         mean, highest = _mean_pressure(self.this) or BRAKING, self.recipe.settings.highest
         if self.recipe.settings.hardness is not None:
             return [
@@ -238,7 +230,7 @@ class _Laws:
                 f" {mean / 1e6:.3g} MPa: raise micro.max_pressure or micro.hardness"
             ] * (mean >= highest)
         try:
-            share = force_above(self.recipe, 0, mean, SOFT)
+            share = micro.force_above(self.recipe, 0, mean, SOFT)
         except NotConverged as error:
             return [f"elastic laws: their highest pressures are not known: {error}"]
         return [

@@ -15,32 +15,23 @@ from itertools import product
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.contact_elements import Contact, join, restricted
 from brake_fenicsx.macro.morphing import Move, Moving, deformed_layers, moving, plain
 from brake_fenicsx.macro.stretching import Stretch, check_layer
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.meshing.rawmesh import RawMesh
-from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene import Scene, parts_section
 from brake_fenicsx.scene.body_rules import faces_by_area
 from brake_fenicsx.scene.keys import key_parts
-from brake_fenicsx.scene.parts_section import (
-    FILE_LAYER,
-    layers_of_thickness,
-    length_key,
-    morph_of,
-    moved_planes,
-    moved_sideways,
-)
 from brake_fenicsx.scene.scalars import written_value
 
 from .brake import Brake
 from .interfaces import interface_elements
 from .scene_mesh import file_mesh, mesh_settings
 
-Array = NDArray[np.float64]
 Shape = Stretch | Moving
 Shapes = dict[tuple[str, ...], Shape]
 # Decimals of the lengths, relative to those of the scene, by which contact elements are told apart.
@@ -68,11 +59,13 @@ def shapes_of(scene: Scene, mesh: Mesh, ranges: Mapping[str, tuple[float, float]
     found: Shapes = {}
     moves = {name: movement(scene, plain(mesh), name) for name in ranges}
     for layers, names in _groups(scene, mesh, moves):
-        part, key = length_key(names[0])
+        part, key = parts_section.length_key(names[0])
         faces, usual = faces_by_area(scene, part), [written_value(scene, name) for name in names]
-        if len(names) == 1 and layers_of_thickness(scene.parts[part], key):
+        if len(names) == 1 and parts_section.layers_of_thickness(scene.parts[part], key):
             for layer in layers:
-                check_layer(mesh, layer, usual[0] if FILE_LAYER in names[0] else None, faces)
+                check_layer(
+                    mesh, layer, usual[0] if parts_section.FILE_LAYER in names[0] else None, faces
+                )
             found[names[0],] = Stretch(tuple(layers), np.array(usual))
             continue
         every = []
@@ -93,8 +86,10 @@ def _groups(
     """Layers with the lengths that change them, all lengths of a layer together."""
     groups = list[tuple[set[str], list[str]]]()
     for name, v in moves.items():
-        part, key = length_key(name)
-        layers = {f"{part}.{layer}" for layer in layers_of_thickness(scene.parts[part], key)}
+        part, key = parts_section.length_key(name)
+        layers = {
+            f"{part}.{layer}" for layer in parts_section.layers_of_thickness(scene.parts[part], key)
+        }
         if v is not None and not layers:
             layers = {*deformed_layers(mesh, v)}
         shared = [group for group in groups if group[0] & layers]
@@ -112,9 +107,9 @@ def movement(scene: Scene, raw: RawMesh, name: str) -> Array | None:
         raw: its plain mesh.
         name: the length, by its dotted key.
     """
-    part, key = length_key(name)
-    v, planes = np.zeros_like(raw.points), moved_planes(scene.parts[part], key)
-    sideways = moved_sideways(scene.parts[part], key)
+    part, key = parts_section.length_key(name)
+    v, planes = np.zeros_like(raw.points), parts_section.moved_planes(scene.parts[part], key)
+    sideways = parts_section.moved_sideways(scene.parts[part], key)
     if planes or sideways:
         own = np.unique(raw.cells[raw.part(part)])
         if planes:
@@ -122,7 +117,7 @@ def movement(scene: Scene, raw: RawMesh, name: str) -> Array | None:
         if sideways:
             v[own, :2] = sideways(raw.points[own])
         return v
-    if morph_of(scene.parts[part], key) is None:
+    if parts_section.morph_of(scene.parts[part], key) is None:
         return None
     step = file_mesh(scene)[1][name.removesuffix(".value")]
     # The nodes of the file come behind those of the builders.

@@ -25,8 +25,8 @@ from dataclasses import fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError, located
 from brake_fenicsx.macro.material import (
     Material,
@@ -41,7 +41,6 @@ from brake_fenicsx.scene import MaterialTable, Scene
 from brake_fenicsx.scene.samples_section import is_constant, split_key
 from brake_fenicsx.scene.scalars import written_value
 
-Array = NDArray[np.float64]
 Value = TypeVar("Value")
 DIGITS = "0123456789"
 # Number of values of E, nu and G, 0 for one that is left out.

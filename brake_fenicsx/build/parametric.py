@@ -14,28 +14,22 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.macro.contact_elements import Contact
-from brake_fenicsx.macro.elasticity import affine_parts, layer_masses
+from brake_fenicsx.macro.elasticity import layer_masses
 from brake_fenicsx.macro.material import Material
-from brake_fenicsx.macro.sliding_friction import Rotation, SlidingFriction
+from brake_fenicsx.macro.sliding_friction import SlidingFriction
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.approaches import turning_parts
 from brake_fenicsx.scene.scalars import SPEED
-from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.derivatives import bilinear
-from brake_fenicsx.stability.modes import Complex
 
-from .brake import Brake
+from .brake import Brake, layer_matrix
 from .changes import ChangingBodies, assemble_changes
-from .damping_terms import Terms, damping_terms, mass_share, stiffness_share
-from .interfaces import scene_motion
+from .damping_terms import Terms, damping_terms, mass_share, stiffness_share, turning_density
 from .lengths import lengths_in
 from .material_table import layer_materials, material_of
 from .values import Values
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,16 +189,15 @@ def _matrices(
     brake: BrakeAt, layer: str, material: Material
 ) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix | None]:
     """Stiffness [N/m], mass [kg] and gyroscopic term [N s/m] of a layer, where it turns."""
-    scene, mesh, free = brake.values.scene, brake.reference.mesh, brake.reference.elastic.free
-    density, motion, changes = {layer: material.rho}, scene_motion(scene), brake.reference.changes
+    scene, whole = brake.values.scene, brake.reference
+    density, turns = {layer: material.rho}, layer in turning_density(scene, whole)
     with ExitStack() as lengths:
-        for names, shape in changes.shapes.items():
+        for names, shape in whole.changes.shapes.items():
             if layer in shape.layers:
-                lengths.enter_context(shape.applied(mesh, lengths_in(names, shape, brake.values)))
-        (K,) = affine_parts(mesh, free, [{layer: material.C}])
-        M = layer_masses(mesh, free, density, scene.mesh.mass == "lumped")[layer]
-        G = None
-        if layer.partition(".")[0] in turning_parts(scene) and isinstance(motion, Rotation):
-            G = gyroscopic(mesh, free, density, motion)
+                own = lengths_in(names, shape, brake.values)
+                lengths.enter_context(shape.applied(whole.mesh, own))
+        K = layer_matrix(scene, whole, "K", {layer: material.C})
+        M = layer_matrix(scene, whole, "M", density)
+        G = layer_matrix(scene, whole, "C", density) if turns else None
     K.eliminate_zeros()
     return K, M, G

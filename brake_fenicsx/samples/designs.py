@@ -22,15 +22,14 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import InputLaw
 from brake_fenicsx.scene import Distribution
 from brake_fenicsx.scene.samples_section import Plan
 
-Array = NDArray[np.float64]
 # Harmonics M that FAST sums for each input.
 HARMONICS = 4
 # Points of a search curve: 4 M^2 for each other input, so that none shares a frequency, and 200:

@@ -11,38 +11,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.build.parametric import layer_derivatives
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.macro.equilibrium_change import EquilibriumChange, equilibrium_change
 from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.scalars import is_length
-from brake_fenicsx.stability.derivatives import (
-    ContactDerivatives,
-    bilinear,
-    contact_derivatives,
-    friction_work,
-    motions_of_vectors,
-    trusted,
-)
+from brake_fenicsx.stability import derivatives
 from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.eigensolvers.eigenpairs import QuadraticPencil, inner
-from brake_fenicsx.stability.modes import Complex, Modes
+from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures.vectors import ContactMotions
 
 from .equilibria import Equilibria
+from .sampling import SampleInput
 from .solve import linearised
 
-if TYPE_CHECKING:
-    from .sampling import SampleInput
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-_Arrays = dict[str, NDArray[Any]]
+_Arrays = dict[str, AnyArray]
 
 # Change by which a derivative must hold to be trusted: of a parameter, relatively, and of a loss
 # factor.
@@ -97,7 +86,7 @@ class Drivers:
         values[:, ~mirrored] = table.values
         origin = np.searchsorted(chosen, partner[chosen[mirrored]])
         values[:, mirrored] = -values[:, origin].conj()
-        kept = trusted(modes.s[chosen], values, np.array(table.steps), neighbours)
+        kept = derivatives.trusted(modes.s[chosen], values, np.array(table.steps), neighbours)
         own = np.searchsorted(chosen[~mirrored], growing)
         return {
             "driver_mode": growing,
@@ -129,7 +118,7 @@ class _Table:
         whole: tuple[Complex, Complex] | None = None if self.reduced else (right, left)
         errors: list[Array] = [np.zeros(s.size)]
         if self.reduced:
-            model, p = self.equilibria.models.reduction.of(sample), sample.brake.point
+            model, p = self.equilibria.models.reduction.of(sample.approach), sample.brake.point
             motions, right, left = model.motions(p, contact, s, right, left)
             errors.append(motions.error)
             if first:
@@ -140,7 +129,7 @@ class _Table:
         if whole is not None:
             whole_motions = self._whole_motions(s, whole)
             motions = motions if self.reduced else whole_motions
-        d = contact_derivatives(motions, contact, sample.friction.mu, w)
+        d = derivatives.contact_derivatives(motions, contact, sample.friction.mu, w)
         maps: _Arrays = {}
         self._contact(d)
         if whole is not None:
@@ -148,7 +137,7 @@ class _Table:
         if whole is not None and first:
             inertia = inner(whole[0], sample.brake.M @ whole[0]).real
             maps["driver_map"] = contact.k[:, None] * d.k
-            maps["driver_work"] = friction_work(whole_motions, contact, w, inertia)
+            maps["driver_work"] = derivatives.friction_work(whole_motions, contact, w, inertia)
         return maps, np.max(errors, axis=0)
 
     def _add(self, parameter: str, kind: str, value: Complex, step: float = STEP) -> None:
@@ -161,9 +150,9 @@ class _Table:
         C = brake.C(self.sample.friction, self.eq.p)
         pencil = QuadraticPencil(brake.M, C, brake.reference.K)
         rows = {"N": b.N, "T": b.T, "R": b.R}
-        return motions_of_vectors(rows, pencil, s, *vectors)
+        return derivatives.motions_of_vectors(rows, pencil, s, *vectors)
 
-    def _contact(self, d: ContactDerivatives) -> None:
+    def _contact(self, d: derivatives.ContactDerivatives) -> None:
         """Friction of each interface, loads, and the stiffness of the contact."""
         brake, friction, eq = self.sample.brake, self.sample.friction, self.eq
         scene, w = brake.values.scene, brake.contact.w
@@ -216,8 +205,12 @@ class _Table:
             b, C = there.contact, there.C(sample.friction, eq.p)
             K = there.stiffness_change
             K = tangent(K, b.N, b.T, b.w, eq.k_vibration, sample.friction.mu)
-            change = bilinear(K, *vectors) + s**2 * bilinear(there.M, *vectors)
-            out += (change if C is None else change + s * bilinear(C, *vectors)) / (2 * step)
+            change = derivatives.bilinear(K, *vectors) + s**2 * derivatives.bilinear(
+                there.M, *vectors
+            )
+            out += (change if C is None else change + s * derivatives.bilinear(C, *vectors)) / (
+                2 * step
+            )
         return out
 
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mpi4py import MPI
 
-import numpy as np
-from numpy.typing import NDArray
-
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.condensation import compliance, reference_factor
@@ -26,11 +24,7 @@ from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.scene import Scene
 
 from .models import Models
-
-if TYPE_CHECKING:
-    from .sampling import SampleInput
-
-Array = NDArray[np.float64]
+from .sampling import SampleInput
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +108,9 @@ class Equilibria:
             return bodies
         c = bodies.compliance
         if reduced:
-            NN, NT, gaps = self.models.reduction.of(sample).static(sample.brake.point, c.k0)
+            NN, NT, gaps = self.models.reduction.of(sample.approach).static(
+                sample.brake.point, c.k0
+            )
             sizes = sample.brake.pressures if sizes is None else sizes
             return replace(bodies, compliance=replace(c, NN=NN, NT=NT, Nf=gaps @ sizes))
         b = bodies

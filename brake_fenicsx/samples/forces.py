@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.folder.sample_files import Task
@@ -18,7 +18,6 @@ from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.macro.stuck import StuckState
 from brake_fenicsx.scene import Scene
 
-Array = NDArray[np.float64]
 # Values that differ by less, relatively, are the same.
 ROUND_OFF = 1e-9
 # Share of the area of an interface that may be open or beyond the limit without a warning.
@@ -206,7 +205,7 @@ def _limit(scene: Scene, name: str) -> float | None:
 def _numbers_of_state(state: StuckState, limit: float | None) -> dict[str, Any]:
     """A state as the summary has it."""
 
-    def part(chosen: NDArray[np.bool_]) -> dict[str, Any]:
+    def part(chosen: Mask) -> dict[str, Any]:
         return {"elements": int(chosen.sum()), "area_share": state.share(chosen)}
 
     parts = {"open": part(state.is_open), "stuck": part(~state.is_open & ~state.beyond)}

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array
 from brake_fenicsx.build.damping_terms import record
 from brake_fenicsx.build.parametric import ParametricBrake
 from brake_fenicsx.folder.cache import SharedCache
@@ -23,15 +23,12 @@ from brake_fenicsx.macro.condensation import Compliance, Solves, UnitLoads, comp
 from brake_fenicsx.macro.equilibrium import Condensed
 from brake_fenicsx.scene import Scene, Stability
 from brake_fenicsx.scene.digest import bodies_key
+from brake_fenicsx.stability.eigensolvers.symmetric import lowest_modes
+from brake_fenicsx.stability.substructures import ReducedModel
 
 from .numbering import FILE as DOFS
 from .numbering import Numbering
 from .reduced_models import ReducedModels
-
-if TYPE_CHECKING:
-    from brake_fenicsx.stability.substructures import ReducedModel
-
-Array = NDArray[np.float64]
 
 SHAPES, LAYERS = "cache/shapes.npz", "cache/layers.npz"
 # Real modes up to this multiple of the band tell modes apart where there is no reduced model.
@@ -139,13 +136,13 @@ class FamilyCoordinates:
     shapes: Array | None
     grams: dict[str, Array] = field(default_factory=dict)
 
-    def of(self, u: NDArray[Any]) -> NDArray[Any] | None:
+    def of(self, u: AnyArray) -> AnyArray | None:
         """Coordinates of displacements, shape (dofs, columns); None without any."""
         if self.model is not None:
             return self.model.coordinates(self.brake.central_mass, u)
         return None if self.shapes is None else self.shapes.T @ (self.brake.M @ u)
 
-    def displacements(self, coordinates: NDArray[Any]) -> NDArray[Any]:
+    def displacements(self, coordinates: AnyArray) -> AnyArray:
         """Displacements of modes by their coordinates alone.
 
         Args:
@@ -201,7 +198,6 @@ def reference_shapes(
         store: the results folder.
         comm: processes of the run.
     """
-    from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
 
     def make() -> Array:
         if (stored := store.load(SHAPES)) is not None:

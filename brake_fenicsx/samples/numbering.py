@@ -1,20 +1,28 @@
-"""Which mesh a results folder belongs to, and where each free dof lies.
+"""What a results folder keeps of a brake: the places of its dofs, its stiffness and its mass.
 
 The dofs are numbered by gmsh and DOLFINx, the same on every process and in every run of the same
 versions. What a folder keeps of them is refused by a run that numbers them otherwise.
+
+Stiffness and mass are in one file, which the processes of a machine hold once. Samples of the
+reduced model look at neither; a sample at full order, and pictures of modes, do.
 """
 
 from __future__ import annotations
 
 import hashlib
+from contextlib import suppress
+from dataclasses import replace
 
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import NDArray
+import scipy.sparse as sp
 
+from brake_fenicsx.arguments import AnyArray, Index
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.faces import body_of_nodes
 
@@ -22,6 +30,11 @@ FILE = "cache/dofs.npz"
 
 # Two dofs whose keys differ by less, relative to the size of the brake, are the same.
 SAME = 1e-7
+
+MATRICES = "cache/matrices.npz"
+PARTS = ("data", "indices", "indptr")
+# Matrices of two processes differ by the order of their sums alone.
+SAME_ENTRIES = 1e-10
 
 
 class Numbering:
@@ -43,7 +56,7 @@ class Numbering:
         Raises:
             SceneError: the folder belongs to another mesh.
         """
-        self.body: NDArray[np.intp] = _bodies(brake)
+        self.body: Index = _bodies(brake)
         keys = _keys(brake, self.body)
         stored = store.load(FILE)
         comm.Barrier()
@@ -60,7 +73,7 @@ class Numbering:
         self.mark: str = hashlib.sha256(np.ascontiguousarray(kept).tobytes()).hexdigest()[:16]
 
 
-def dof_points(brake: Brake) -> NDArray:
+def dof_points(brake: Brake) -> AnyArray:
     """Coordinates [m] and direction (0, 1, 2; 3: none) of every free dof, shape (dofs, 4)."""
     free = brake.elastic.free
     node, component = np.divmod(free.local, 3)
@@ -68,7 +81,7 @@ def dof_points(brake: Brake) -> NDArray:
     return np.concatenate([own, free.places[:, :4]])
 
 
-def body_centres(points: NDArray, body: NDArray[np.intp]) -> NDArray:
+def body_centres(points: AnyArray, body: Index) -> AnyArray:
     """Centre of the body of every dof [m], shape (dofs, 3).
 
     Args:
@@ -79,13 +92,13 @@ def body_centres(points: NDArray, body: NDArray[np.intp]) -> NDArray:
     return np.column_stack([np.bincount(body, x)[body] / count[body] for x in points[:, :3].T])
 
 
-def dof_places(brake: Brake, body: NDArray[np.intp]) -> NDArray:
+def dof_places(brake: Brake, body: Index) -> AnyArray:
     """``dof_points`` and ``body_centres`` of every free dof, shape (dofs, 7)."""
     points = dof_points(brake)
     return np.column_stack([points, body_centres(points, body)])
 
 
-def _bodies(brake: Brake) -> NDArray[np.intp]:
+def _bodies(brake: Brake) -> Index:
     """Body of each free dof; ties and springs join bodies in the stiffness."""
     free = brake.elastic.free
     label = body_of_nodes(free.V)
@@ -95,7 +108,7 @@ def _bodies(brake: Brake) -> NDArray[np.intp]:
     return np.asarray(np.unique(every, return_inverse=True)[1], dtype=np.intp)
 
 
-def _keys(brake: Brake, body: NDArray[np.intp]) -> NDArray:
+def _keys(brake: Brake, body: Index) -> AnyArray:
     """What tells a free dof from all others: its place, its component, its body's centre [m]."""
     keys = dof_points(brake)
     size = np.ptp(keys[:, :3], axis=0).max()
@@ -104,8 +117,68 @@ def _keys(brake: Brake, body: NDArray[np.intp]) -> NDArray:
     return np.column_stack([keys, body_centres(keys, body)])
 
 
-def _same(stored: NDArray, keys: NDArray) -> bool:
+def _same(stored: AnyArray, keys: AnyArray) -> bool:
     """Whether all dofs are the same, but for round-off."""
     if stored.shape != keys.shape:
         return False
     return bool(np.abs(stored - keys).max() <= SAME * np.ptp(keys[:, :3], axis=0).max())
+
+
+def with_shared_matrices(brake: Brake, store: Store, comm: MPI.Comm) -> Brake:
+    """A brake whose K and M are those of the file, mapped into memory; collective.
+
+    The first process writes the file where there is none, unless the run computes a share. Where
+    the file holds other matrices the process keeps its own.
+
+    Args:
+        brake: operators of the scene.
+        store: the results folder.
+        comm: processes of the run.
+    """
+    elastic = brake.elastic
+    own = {"K": elastic.K, "M": elastic.M}
+    if store.share is None:
+        on_first(lambda: _keep(store, own), comm)
+    there = _mapped(store)
+    if not _equal(there, own):
+        return brake
+    own.clear()
+    brake = replace(brake, elastic=replace(elastic, **there))
+    release_memory()
+    return brake
+
+
+def _keep(store: Store, own: dict[str, sp.csr_matrix]) -> None:
+    """Write the matrices where the file holds others, or is damaged."""
+    there = dict[str, sp.csr_matrix]()
+    with suppress(SceneError):
+        store.check_mapped(MATRICES)
+        there = _mapped(store)
+    if not _equal(there, own):
+        arrays = {f"{n}_{part}": getattr(A, part) for n, A in own.items() for part in PARTS}
+        store.save(MATRICES, **arrays)
+
+
+def _mapped(store: Store) -> dict[str, sp.csr_matrix]:
+    """The matrices of the file; none where there is none."""
+    stored = store.load(MATRICES, mapped=True) or {}
+    names = sorted({name[0] for name in stored})
+    found = {n: sp.csr_matrix(tuple(stored[f"{n}_{part}"] for part in PARTS)) for n in names}
+    for A in found.values():
+        # To look for it would be to write into the file.
+        A.has_canonical_format = True
+    return found
+
+
+def _equal(there: dict[str, sp.csr_matrix], own: dict[str, sp.csr_matrix]) -> bool:
+    """Whether both hold the same matrices, but for round-off."""
+    if there.keys() != own.keys():
+        return False
+    for A, B in ((there[n], own[n]) for n in own):
+        if A.shape != B.shape or A.nnz != B.nnz or not np.array_equal(A.indices, B.indices):
+            return False
+        if np.abs(A.data - B.data).max(initial=0.0) > SAME_ENTRIES * np.abs(B.data).max(
+            initial=0.0
+        ):
+            return False
+    return True

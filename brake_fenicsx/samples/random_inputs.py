@@ -9,8 +9,8 @@ Saltelli), whose points mean something only all together, it fails with its name
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.build.material_table import nominal_value, stiffness
 from brake_fenicsx.build.values import Values, quantile
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
@@ -20,8 +20,6 @@ from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.samples_section import is_constant, split_key
 
 from .designs import RIGID, correlated, correlation_root, design_points
-
-Array = NDArray[np.float64]
 
 # Draws of one sample before its laws are called impossible.
 MOST_DRAWS = 1000

@@ -9,17 +9,16 @@ that are not positive definite everywhere in their box) go to full order.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import NDArray
 
-from brake_fenicsx.build.box import Box
+from brake_fenicsx.arguments import AnyArray, Array, Index
 from brake_fenicsx.build.damping_terms import Terms, with_modal_damping
 from brake_fenicsx.build.parametric import ParametricBrake
-from brake_fenicsx.build.values import Values
+from brake_fenicsx.build.values import Box, Values
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.extensions import widest_band
 from brake_fenicsx.folder.cache import SharedCache
@@ -32,20 +31,10 @@ from brake_fenicsx.scene.approaches import active_terms, lone_samples, reduced_a
 from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies, si_unit
 from brake_fenicsx.scene.units import quantity_text
+from brake_fenicsx.stability import substructures
 
 from .numbering import Numbering, dof_places
-from .sampling import friction_of_contact
-
-if TYPE_CHECKING:
-    from brake_fenicsx.stability.substructures import (
-        ContactLinearisation,
-        Parameters,
-        ReducedModel,
-    )
-
-    from .sampling import SampleInput
-
-Array = NDArray[np.float64]
+from .sampling import SampleInput, friction_of_contact
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
 LAYOUT = 12
@@ -61,7 +50,7 @@ class ReducedModels:
     """
 
     _brake: ParametricBrake
-    _body: NDArray[np.intp]  # of each dof
+    _body: Index  # of each dof
 
     def __init__(
         self, scene: Scene, counts: Mapping[str, int], store: Store, cache: SharedCache,
@@ -73,7 +62,7 @@ class ReducedModels:
         self.stability = scene.stability if "stability" in scene.stages else None
         served = reduced_approaches(scene, counts)
         self.by_reduction: dict[str, bool] = {name: name in served for name in counts}
-        self.models: dict[bool, ReducedModel] = {}
+        self.models: dict[bool, substructures.ReducedModel] = {}
         self.facts: dict[str, Any] = {}
         self.mark = ""
 
@@ -105,9 +94,9 @@ class ReducedModels:
         """Whether damping acts in an approach's samples."""
         return bool(active_terms(self._scene, approach))
 
-    def of(self, sample: SampleInput) -> ReducedModel:
-        """The model of a sample that a reduced model takes."""
-        return self.models[self.damped(sample.approach)]
+    def of(self, approach: str) -> substructures.ReducedModel:
+        """The model of the samples of an approach that a reduced model takes."""
+        return self.models[self.damped(approach)]
 
     def takes(self, sample: SampleInput) -> bool:
         """Whether a reduced model takes a sample: its bodies lie in the box."""
@@ -136,11 +125,9 @@ class ReducedModels:
 
     def _reduce(self, damped: bool, names: list[str], k0: Array) -> None:
         """Reduced model of some approaches; full order for them only if the scene says so."""
-        from brake_fenicsx.stability.substructures import ContactLinearisation
-
         file, box = f"cache/{'damped' if damped else 'undamped'}.npz", self._brake.changes.box
         friction = friction_of_contact(self._brake.contact, names[0], Values(self._scene))
-        usual = ContactLinearisation.of(k0, friction.mu)
+        usual = substructures.ContactLinearisation.of(k0, friction.mu)
         depends = self.depends(self._acting(damped, box))
         try:
             with self._cache.shared(file, lambda: depends, self._comm):
@@ -175,15 +162,13 @@ class ReducedModels:
         }
 
     def _note_shortfall(
-        self, model: ReducedModel, usual: ContactLinearisation
+        self, model: substructures.ReducedModel, usual: substructures.ContactLinearisation
     ) -> dict[str, str | float]:
         """Say before the samples where their modes will miss the tolerance; for the summary too."""
-        from brake_fenicsx.stability.substructures import shortfall
-
         settings, box = self.stability, self._brake.changes.box
         if settings is None or not box.names:
             return {}
-        lacking = self._comm.bcast(shortfall(model, usual, settings.tolerance))
+        lacking = self._comm.bcast(substructures.shortfall(model, usual, settings.tolerance))
         if lacking is None:
             return {}
         names = np.array(model.parameters.names)[lacking.wide]
@@ -202,27 +187,22 @@ class ReducedModels:
         )  # fmt: skip
         return {"largest_error": lacking.error, "ranges_that_hold": holds}
 
-    def _model(self, damped: bool, file: str, usual: ContactLinearisation) -> ReducedModel:
+    def _model(
+        self, damped: bool, file: str, usual: substructures.ContactLinearisation
+    ) -> substructures.ReducedModel:
         """A reduced model, from the folder where it is there."""
-        from brake_fenicsx.stability.substructures import (
-            CONSTANT,
-            ReducedModel,
-            reduce_bodies,
-            split_substructures,
-        )
-
         stability, brake = self.stability, self._brake
         if stability is None:
             raise ValueError("a scene without [stability] has no modes")
         band = stability.band[0], stability.band[1]
         changing = any(self._changes_bodies(n) for n in self.by_reduction)
-        parameters = brake.changes.parameters if changing else CONSTANT
+        parameters = brake.changes.parameters if changing else substructures.CONSTANT
         if (known := self._known(file)) is not None:
             logger.info("reduced model: taken from an earlier run")
-            return ReducedModel(known, brake.w, band, parameters)
+            return substructures.ReducedModel(known, brake.w, band, parameters)
         terms = brake.terms if damped else Terms()
         followed = "N" + "T" * terms.falls + "R" * terms.turns
-        bodies = split_substructures(
+        bodies = substructures.split_substructures(
             brake.K, brake.M, {"N": brake.N, "T": brake.T, "R": brake.R}, brake.unit_loads,
             brake.changes.matrices if changing else [], terms.bulk,
             dof_places(brake, self._body),
@@ -230,21 +210,21 @@ class ReducedModels:
         if damped:
             bodies = with_modal_damping(self._scene, bodies, brake.masses)
         release_memory()
-        return reduce_bodies(
+        return substructures.reduce_bodies(
             bodies, brake.w, band, parameters, followed, stability.tolerance,
             self._cutoff(parameters), usual, self._comm,
             lambda total: Progress("reduced model: factorisations of bodies", total).advance,
             lambda made: self._kept(file, made),
         )  # fmt: skip
 
-    def _cutoff(self, parameters: Parameters) -> float | None:
+    def _cutoff(self, parameters: substructures.Parameters) -> float | None:
         """Cutoff of the scene [Hz]; higher by itself where extras ask for it."""
         settings, widest = self.stability, widest_band(self._scene)
         if settings is None or settings.cutoff or not widest:
             return settings.cutoff if settings else None
         return float(widest / np.sqrt(parameters.softening)) * settings.band[1]
 
-    def _kept(self, file: str, made: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    def _kept(self, file: str, made: dict[str, AnyArray]) -> dict[str, AnyArray]:
         """What an offline stage made, from the file that the first process writes; collective."""
         marks = {"layout": np.array(LAYOUT), "dofs": np.array(self.mark)}
         on_first(lambda: self._store.save(file, **marks, **made), self._comm)
@@ -270,7 +250,7 @@ class ReducedModels:
         band = None if self.stability is None else [*self.stability.band]
         return [bodies_key(self._scene), self.mark, band, *more]
 
-    def _known(self, file: str) -> dict[str, NDArray[Any]] | None:
+    def _known(self, file: str) -> dict[str, AnyArray] | None:
         """What an earlier run left: processes of a machine hold the large arrays once; collective.
 
         Their checksums are looked at here, by one process, and nowhere else.

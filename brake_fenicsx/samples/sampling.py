@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from brake_fenicsx import micro
+from brake_fenicsx.arguments import Array, Index
 from brake_fenicsx.build.parametric import BrakeAt
 from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import SceneError
@@ -23,35 +24,19 @@ from brake_fenicsx.extensions import FrictionLaw
 from brake_fenicsx.macro.contact_elements import Contact
 from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
 from brake_fenicsx.macro.sliding_friction import Coefficient, SlidingFriction
-from brake_fenicsx.micro import (
-    LawSteps,
-    OneLaw,
-    exponential_law,
-    join_laws,
-    linear_law,
-    make_library,
-    scaled_laws,
-)
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.scene import ContactTable, LawTable, Scene
 from brake_fenicsx.scene.approaches import friction_of
 from brake_fenicsx.scene.contact_section import LAWS
 from brake_fenicsx.scene.scalars import SPEED
 
+from . import random_inputs
 from .designs import correlation_root, design_size, roughness_of
-from .random_inputs import (
-    PERFECT,
-    check_values,
-    draw_inputs,
-    law_factor,
-    scaled_interfaces,
-)
 
 if TYPE_CHECKING:
     from brake_fenicsx.surface.hdf import HeightDistribution
     from brake_fenicsx.surface.waviness import Waviness
 
-Array = NDArray[np.float64]
 
 PENALTY = "samples.classical.penalty"
 
@@ -130,15 +115,15 @@ def draw_sample(
     drawn, rejected = Values(scene), 0
     if scene.samples.takes_random(approach):
         shared = roughness_of(scene.samples.plan(approach), len(scene.samples.random), k)
-        drawn, rejected = draw_inputs(scene, approach, point, _streams(seed)[2])
+        drawn, rejected = random_inputs.draw_inputs(scene, approach, point, _streams(seed)[2])
     if values:
         drawn = Values(scene, {**drawn, **values})
-        check_values(approach, drawn)
+        random_inputs.check_values(approach, drawn)
     brake = at(drawn)
-    if approach in PERFECT:
-        penalty = linear_law(drawn.get(PENALTY, scene.samples.classical.penalty))
+    if approach in random_inputs.PERFECT:
+        penalty = micro.linear_law(drawn.get(PENALTY, scene.samples.classical.penalty))
         none = np.zeros(brake.contact.interface.size)
-        laws = EnrichedGap(OneLaw(penalty), none.astype(np.intp), none)
+        laws = EnrichedGap(micro.OneLaw(penalty), none.astype(np.intp), none)
     elif laws is None or drawn.materials:
         # Each kind of draw has its own child, so that naming one does not change the others.
         streams = _streams(sample_seed(scene.samples.seed, shared))
@@ -193,8 +178,8 @@ def _rough(
         own = interface == i
         chosen, numbers = _laws(table, library, int(own.sum()), law_rng)
         index[own] = numbers + sum(len(part) for part in parts)
-        if values.materials and name in scaled_interfaces(scene):
-            chosen = scaled_laws(chosen, law_factor(name, values))
+        if values.materials and name in random_inputs.scaled_interfaces(scene):
+            chosen = micro.scaled_laws(chosen, random_inputs.law_factor(name, values))
         parts.append(chosen)
         if table.gap == "none":
             continue
@@ -207,17 +192,17 @@ def _rough(
             raise SceneError(
                 f'contact.{name}.gap = "{table.gap}": there are no heights; name the stage surface'
             )
-    return EnrichedGap(join_laws(parts), index, g_cr)
+    return EnrichedGap(micro.join_laws(parts), index, g_cr)
 
 
 def _laws(
     table: ContactTable, library: Laws | None, elements: int, rng: np.random.Generator
-) -> tuple[Laws, NDArray[np.intp]]:
+) -> tuple[Laws, Index]:
     """Laws of one interface, and the number of each element's."""
     if isinstance(table.law, LawTable):
         return one_law(table.law), np.zeros(elements, dtype=np.intp)
     if not isinstance(table.law, str):  # of a user's own
-        return OneLaw(table.law), np.zeros(elements, dtype=np.intp)
+        return micro.OneLaw(table.law), np.zeros(elements, dtype=np.intp)
     if library is None:
         raise SceneError('contact.law = "library": there is no library; name the stage micro')
     return library, rng.integers(0, len(library), elements).astype(np.intp)
@@ -239,18 +224,18 @@ def coefficient(friction: float | FrictionLaw, speed: Array) -> tuple[Array, Arr
     return two[0], two[1]
 
 
-def one_law(law: LawTable) -> OneLaw:
+def one_law(law: LawTable) -> micro.OneLaw:
     """A scene's linear, exponential or measured law for all elements."""
     if law.steps:
         d, p = np.array(law.steps)
         # Slopes of ln p of the monotone cubic through the rows (Fritsch and Carlson).
         k = -p[::-1] * PchipInterpolator(d[::-1], np.log(p[::-1])).derivative()(d[::-1])
-        return OneLaw(make_library([LawSteps(d, p, k[::-1])])[0])
+        return micro.OneLaw(micro.make_library([micro.LawSteps(d, p, k[::-1])])[0])
     if law.linear is not None:
-        return OneLaw(linear_law(law.linear))
+        return micro.OneLaw(micro.linear_law(law.linear))
     if law.p0 is None or law.u0 is None:
         raise SceneError(f"contact.law: write {LAWS}")
-    return OneLaw(exponential_law(law.p0, law.u0))
+    return micro.OneLaw(micro.exponential_law(law.p0, law.u0))
 
 
 def sample_count(scene: Scene, approach: str = "multi-scale") -> int:

@@ -4,38 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex, Index
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.log import logger, spared
 from brake_fenicsx.macro.equilibrium import Equilibrium
+from brake_fenicsx.scene import Stability
 from brake_fenicsx.stability import Modes, complex_modes, contact_interface
 from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.modes import relative_errors
 from brake_fenicsx.stability.participation import damped_partners, energy_shares, flutter_partners
 from brake_fenicsx.stability.substructures import ContactLinearisation
+from brake_fenicsx.stability.substructures.parameter_line import Basis
 
 from .models import Models
+from .sampling import SampleInput
 
-if TYPE_CHECKING:
-    from brake_fenicsx.scene import Stability
-    from brake_fenicsx.stability.substructures.parameter_line import Basis
-
-    from .sampling import SampleInput
-
-Array = NDArray[np.float64]
 Arrays = dict[str, Any]
 
 
 # Its name, and modes, their partners, and whether they are those of the reduced model -> what else
 # is stored.
-More = tuple[str, Callable[[Modes, NDArray[np.intp], bool], Arrays]]
+More = tuple[str, Callable[[Modes, Index, bool], Arrays]]
 
 
 def modes_of_sample(
@@ -92,7 +88,8 @@ def reduced_modes(
         eq: its equilibrium.
         line: the sample at other values of a parameter.
     """
-    contact, model = linearised(sample, eq.k_vibration, eq.p), models.reduction.of(sample)
+    contact = linearised(sample, eq.k_vibration, eq.p)
+    model = models.reduction.of(sample.approach)
     given = sample.brake.point, contact, _settings(models).zeta_max
     return model.modes(*given) if line is None else line.modes(model, *given)
 
@@ -125,10 +122,10 @@ def linearised(sample: SampleInput, k: Array, p: Array) -> ContactLinearisation:
 
 def displacements(
     models: Models,
-    modes: Sequence[tuple[SampleInput, Mapping[str, Any], NDArray[np.intp]]],
+    modes: Sequence[tuple[SampleInput, Mapping[str, Any], Index]],
     comm: MPI.Comm,
     aside: int = 0,
-) -> list[tuple[NDArray[np.complex128], Array]]:
+) -> list[tuple[Complex, Array]]:
     """Displacements of some unstable modes of stored samples; collective.
 
     Args:
@@ -141,7 +138,7 @@ def displacements(
         Of each sample the displacements, shape (dofs, chosen), and their relative errors, shape
         (chosen,).
     """
-    out: dict[int, tuple[NDArray[np.complex128], Array]] = {}
+    out: dict[int, tuple[Complex, Array]] = {}
     for i, (*_, data, chosen) in enumerate(modes):
         if "vectors" in data:
             columns = [int(np.flatnonzero(data["vector_mode"] == mode)[0]) for mode in chosen]
@@ -149,7 +146,7 @@ def displacements(
             out[i] = vectors, np.zeros(len(columns))
     for model in models.reduction.models.values():
         left = (i for i in range(len(modes)) if i not in out)
-        served = [i for i in left if models.reduction.of(modes[i][0]) is model]
+        served = [i for i in left if models.reduction.of(modes[i][0].approach) is model]
         given = []
         for sample, data, chosen in (modes[i] for i in served):
             contact = linearised(sample, data["k_vibration"], data["p"])

@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.parametric import parametric_brake
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
@@ -22,29 +22,24 @@ from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.braking import reference_stiffness
+from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
+from brake_fenicsx.stability.modes import Modes
+from brake_fenicsx.stability.substructures.parameter_line import Basis
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.waviness import Waviness
 
+from .drivers import Drivers
 from .ensemble import run_ensemble
 from .equilibria import Equilibria
 from .forces import forces_of_sample, mean_friction, moved
 from .models import Models
 from .random_inputs import PERFECT, note_laws, points_of
 from .sampling import SampleInput, draw_sample, sample_count, sample_seed
-
-if TYPE_CHECKING:
-    from brake_fenicsx.macro.equilibrium import Equilibrium
-    from brake_fenicsx.stability.modes import Modes
-    from brake_fenicsx.stability.substructures.parameter_line import Basis
-
-    from .drivers import Drivers
-    from .solve import More
-
-Array = NDArray[np.float64]
+from .solve import More, displacements, full_modes, modes_of_sample, reduced_modes
 
 T = TypeVar("T")
 
@@ -99,7 +94,7 @@ class Study:
         # Of the last sample, with the scene's moduli.
         self._laws: dict[Task, EnrichedGap] = {}
         # Vectors of the families, once the tables are written; on one process.
-        self.families: NDArray[np.complex128] | None = None
+        self.families: Complex | None = None
         self.squealing: list[int] = []
         self.drivers: Drivers | None = None
         self.beside: dict[str, Any] = {}  # what extras compute -> the work
@@ -121,8 +116,6 @@ class Study:
         models.prepare(np.full(len(brake.w), k0))
         self.facts |= {"reference_stiffness_Pa_per_m": k0, **models.facts}
         if models.stability is not None and models.stability.drivers:
-            from .drivers import Drivers
-
             self.drivers = Drivers(self.equilibria)
         if models.stability is not None:
             works = beside_samples(self.scene)
@@ -241,8 +234,6 @@ class Study:
             out["moved"] = moved(contact)
         out["forces"] = forces_of_sample(self.scene, contact, eq.p, sample.friction.mu)
         if models.stability is not None:
-            from .solve import modes_of_sample
-
             more: list[More] = []
             if self.drivers is not None and own and comm.rank == 0:
                 more.append(("drivers", partial(self.drivers.of, sample, eq, k == 0)))
@@ -280,8 +271,6 @@ class Study:
             The equilibrium, and the modes, which the mesh can show, with vectors in coordinates in
             which the mass is about the identity.
         """
-        from .solve import full_modes, reduced_modes
-
         models = self.models
         for key in values:
             if changes_bodies(self.scene, key) and key not in models.brake.changes.box.names:
@@ -307,10 +296,8 @@ class Study:
 
     def _on_mesh(
         self, sample: SampleInput, known: Mapping[str, Any], mode: int
-    ) -> tuple[Any, NDArray[np.complex128]]:
+    ) -> tuple[Any, Complex]:
         """Space of the displacements and those of a mode of a sample; see ``Modes.on_mesh``."""
-        from .solve import displacements
-
         ((u, _),) = displacements(self.models, [(sample, known, np.array([mode]))], MPI.COMM_SELF)
         free = self.brake.elastic.free
         return free.V, free.expand(u[:, 0])

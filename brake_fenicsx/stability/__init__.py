@@ -3,7 +3,6 @@
 from brake_fenicsx.stability.eigen import complex_modes
 from brake_fenicsx.stability.full.interface import contact_interface
 from brake_fenicsx.stability.modes import Modes
-from brake_fenicsx.stability.reduced import Reduced
 from brake_fenicsx.stability.substructures import (
     ContactLinearisation,
     Parameters,
@@ -12,6 +11,7 @@ from brake_fenicsx.stability.substructures import (
     reduce_bodies,
     split_substructures,
 )
+from brake_fenicsx.stability.substructures.offline import Reduced
 
 __all__ = [
     "ContactLinearisation", "Modes", "Parameters", "Reduced", "ReducedModel", "Substructure",

@@ -1,7 +1,9 @@
 """Damping of the linearised problem, term by term.
 
-lambda^2 M + lambda (C + C_s + C_mu + Omega G) + K: material damping C, here as Rayleigh or as loss
-factors of the parts; C_s and C_mu of sliding friction; G of the turning disc.
+lambda^2 M + lambda (C + C_s + C_mu + Omega G) + K: material damping C, either alpha M + beta K
+(Rayleigh: 2 zeta = alpha / omega + beta omega) or the sum of eta_j K_j / omega_ref over parts: they
+dissipate the share eta_j of their strain energy at omega_ref, a hysteretic part at any frequency.
+C_s and C_mu are of sliding friction, G is of the turning disc.
 
 Friction at a contact element: the disc slides past the pad at a speed V along s. With the slip of
 pad minus disc, T u along s and R u across, the pad moves against the disc with the velocity
@@ -28,26 +30,23 @@ v'Gu = 2 int rho v . (c . grad) u. On a body of revolution c is tangential to th
 vanishes, so that integration by parts makes G skew; the skew half of the form is assembled, which
 is the same there and does without the error of a faceted boundary. A wave cos(m theta + omega t)
 of the disc at rest is dragged along: the pair +-m splits by 2 m Omega.
-
 """
 
 from __future__ import annotations
 
 import brake_fenicsx.petsc_started  # noqa: F401
+from brake_fenicsx.arguments import Array
 
 # isort: split
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
 
 from petsc4py import PETSc
 
-import numpy as np
 import scipy.sparse as sp
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
-from numpy.typing import NDArray
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
@@ -55,105 +54,23 @@ from brake_fenicsx.macro.elasticity import FreeDofs, on_free_dofs
 from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.meshing.brake_mesh import Mesh
 
-Array = NDArray[np.float64]
 
-
-def rayleigh(M: sp.csr_matrix, K: sp.csr_matrix, alpha: float, beta: float) -> sp.csr_matrix:
-    """C = alpha M + beta K; a mode at omega is damped by 2 zeta = alpha/omega + beta omega.
-
-    Args:
-        M: mass [kg].
-        K: elastic stiffness [N/m], symmetric, so without friction.
-        alpha: mass factor [1/s], not negative.
-        beta: stiffness factor [s], not negative.
-
-    Returns:
-        Damping [N s/m], CSR.
-
-    Raises:
-        SceneError: a factor is negative.
-    """
-    if alpha < 0 or beta < 0:
-        raise SceneError(f"Rayleigh damping: alpha = {alpha:g}, beta = {beta:g}: none may be < 0")
-    return (alpha * M + beta * K).tocsr()
-
-
-def loss_factor(parts: Sequence[tuple[float, sp.csr_matrix]], omega_ref: float) -> sp.csr_matrix:
-    """C = sum eta_j K_j / omega_ref; at omega_ref a part dissipates eta_j of its strain energy.
-
-    The loss factor of a hysteretic part is the same at all frequencies, that of this viscous one
-    grows with frequency: exact at omega_ref alone. Energy a period over 2 pi times the strain
-    energy: omega u'C u / u'K u = eta at omega = omega_ref.
-
-    Args:
-        parts: loss factor [-] and stiffness [N/m] of each part, on the dofs of all parts.
-        omega_ref: reference frequency [rad/s], positive.
-
-    Returns:
-        Damping [N s/m], CSR.
-
-    Raises:
-        SceneError: no part, a negative loss factor, or a reference frequency that is not positive.
-    """
-    if not parts:
-        raise SceneError("loss factors: no part is named")
-    if not omega_ref > 0:
-        raise SceneError(f"loss factors: reference frequency {omega_ref:g} rad/s must be positive")
-    if min(eta for eta, _ in parts) < 0:
-        raise SceneError("loss factors: none may be negative")
-    return sum(eta / omega_ref * K for eta, K in parts).tocsr()
-
-
-def sliding_damping(R: sp.spmatrix, w: Array, p: Array, V: Array, mu: float | Array) -> Any:
-    """C_s = R' W (mu p / V) R: friction turns with the direction of sliding.
-
-    Args:
-        R: slip across the sliding direction, shape (elements, dofs).
-        w: areas [m^2], shape (elements,).
-        p: pressures at equilibrium [Pa], shape (elements,).
-        V: sliding speeds [m/s], positive where there is friction, shape (elements,).
-        mu: friction coefficient, one or one per element.
-
-    Returns:
-        Symmetric, positive semi-definite [N s/m], CSR.
-
-    Raises:
-        SceneError: a sliding speed is not positive: friction without a direction.
-    """
-    drag, slides = mu * p, np.asarray(V) > 0
-    if np.any(drag[~slides]):
-        raise SceneError("sliding damping: friction needs a sliding speed V > 0 in its element")
-    rates = np.divide(drag, V, out=np.zeros(drag.shape), where=slides)
-    return (R.T @ sp.diags(w * rates) @ R).tocsr()
-
-
-def velocity_slope(T: sp.spmatrix, w: Array, p: Array, slope: float | Array) -> Any:
-    """C_mu = T' W p mu'(V) T: friction changes with the speed of sliding.
+def friction_damping(
+    T: sp.spmatrix, R: sp.spmatrix, w: Array, along: Array, across: Array
+) -> sp.csr_matrix:
+    """C_mu + C_s = T' W p mu'(V) T + R' W (mu p / V) R of the contact elements.
 
     Args:
         T: slip along the sliding direction, shape (elements, dofs).
+        R: slip across it, likewise.
         w: areas [m^2], shape (elements,).
-        p: pressures at equilibrium [Pa], shape (elements,).
-        slope: mu'(V) [s/m] at the sliding speed of each element, or one for all; negative where
-            friction falls with speed.
+        along: p mu'(V) [Pa s/m], likewise; negative where friction falls with speed.
+        across: mu p / V [Pa s/m], likewise; see ``SlidingFriction.rates``.
 
     Returns:
-        Symmetric [N s/m], CSR; negative semi-definite where friction falls.
+        Symmetric [N s/m].
     """
-    return (T.T @ sp.diags(w * p * np.asarray(slope)) @ T).tocsr()
-
-
-def gyroscopic_form(u: Any, v: Any, rho: Any, c: Any, dx: Any) -> Any:
-    """Skew half of 2 int rho v . (c . grad) u.
-
-    Args:
-        u: displacement.
-        v: test function.
-        rho: density [kg/m^3].
-        c: velocity of the rotation over its angular velocity [m].
-        dx: measure of the turning body.
-    """
-    return rho * (ufl.inner(ufl.grad(u) * c, v) - ufl.inner(ufl.grad(v) * c, u)) * dx
+    return (T.T @ sp.diags(w * along) @ T + R.T @ sp.diags(w * across) @ R).tocsr()
 
 
 def gyroscopic(
@@ -187,5 +104,6 @@ def gyroscopic(
         cells = compat.meshtags(mesh.domain, 3, mesh.cell_tags.find(mesh.layers[layer]), 1)
         dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells)(1)
         factor = fem.Constant(mesh.domain, PETSc.ScalarType(rho * rotation.speed))
-        fem_petsc.assemble_matrix(G, fem.form(gyroscopic_form(u, v, factor, c, dx)))
+        skew = ufl.inner(ufl.grad(u) * c, v) - ufl.inner(ufl.grad(v) * c, u)
+        fem_petsc.assemble_matrix(G, fem.form(factor * skew * dx))
     return on_free_dofs(G, free)

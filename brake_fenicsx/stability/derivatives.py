@@ -33,14 +33,12 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
+
+from brake_fenicsx.arguments import Array, Complex, Mask
 
 from .eigensolvers.eigenpairs import QuadraticPencil, inner
-from .modes import Complex
 from .substructures.contact_rows import ContactLinearisation
 from .substructures.vectors import ContactMotions
-
-Array = NDArray[np.float64]
 
 # A derivative is trusted if a change by its step leads at most half way to a merging point.
 HALF_WAY = 0.25
@@ -142,7 +140,7 @@ def friction_work(
 
 def trusted(
     s: Complex, derivatives: Complex, steps: Array, neighbours: Mapping[int, list[int]]
-) -> NDArray[np.bool_]:
+) -> Mask:
     """Where the eigenvalue is far enough from merging for its derivative to mean something.
 
     Two modes that merge at p = p* have (lambda_1 - lambda_2)^2 = c (p - p*), so that with the

@@ -8,8 +8,13 @@ Undamped, the problem is K phi = kappa M phi with kappa = -lambda^2, in real ari
   number of a determinant on the contact interface count the modes of a region around the band;
 - anything else: SLEPc, and the record says that nothing was counted.
 
-Damped problems are those of ``full.damped``. Two processes may share the work: right and left
-vectors, the modes without friction and the moments of the interface, two halves of the proof.
+Damped problems are those of ``full.damped``; large ones are counted by a reduced model: the whole
+brake without friction, its contact springs included, is one substructure whose modes an inertia
+count proves complete; damping couples them with what they leave out, and friction, of low rank,
+enters as the forces of a contact. The zeros of its T(z) are the eigenvalues.
+
+Two processes may share the work: right and left vectors, the modes without friction and the moments
+of the interface, two halves of the proof.
 """
 
 from __future__ import annotations
@@ -22,20 +27,25 @@ from mpi4py import MPI
 import numpy as np
 import scipy.sparse as sp
 
-from brake_fenicsx.arguments import frequency_band
+from brake_fenicsx.arguments import Array, Complex, frequency_band
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.macro.solver import whole, with_interface
 
-from .damped_count import counted
+from .eigensolvers import symmetric
+from .eigensolvers.argument_principle import damped_region
 from .eigensolvers.arnoldi import times
 from .eigensolvers.eigenpairs import ROUND_OFF, QuadraticPencil, paired, residuals, undamped_errors
-from .eigensolvers.symmetric import LARGEST_SHIFT, shifted_factor, symmetric_modes
 from .full.damped import damped_modes
 from .full.dense import DENSE, small_modes
-from .full.eigenproblem import Found, SplitProblem
 from .full.friction_modes import friction_modes
-from .full.interface import Interface, difference_interface
-from .modes import Array, Count, Modes, counted_rows, undamped_rows
+from .full.interface import Found, Interface, SplitProblem, difference_interface
+from .modes import Count, Modes, counted_rows, undamped_rows
+from .substructures.contact_rows import ContactLinearisation
+from .substructures.offline import reduce_bodies
+from .substructures.substructure import Substructure
+
+# The count needs the number of zeros, not their digits.
+TOLERANCE = 1e-3
 
 
 def tangent(
@@ -147,13 +157,13 @@ def _symmetric(p: SplitProblem, high: float) -> Found:
     Raises:
         InaccurateResult: K has eigenvalues far below zero, or inertia counts other modes.
     """
-    shifted = shifted_factor(p.K, p.M, high, LARGEST_SHIFT)
+    shifted = symmetric.shifted_factor(p.K, p.M, high, symmetric.LARGEST_SHIFT)
     if shifted is None:
         raise InaccurateResult(
             "the stiffness is not positive semi-definite: eigenvalues kappa = -lambda^2 below"
-            f" {-LARGEST_SHIFT * high:.2g} 1/s^2; look for a negative spring"
+            f" {-symmetric.LARGEST_SHIFT * high:.2g} 1/s^2; look for a negative spring"
         )
-    modes = symmetric_modes(p.K, p.M, *shifted, high)
+    modes = symmetric.symmetric_modes(p.K, p.M, *shifted, high)
     shifted[0].destroy()
     shapes = modes.Phi.astype(complex)
     counting = Count("proven", "inertia of K - kappa M")
@@ -189,3 +199,46 @@ def _record(
         lam, f.right[:, order], left[:, order], residual[order], spread, condition[order],
         counted_rows(lam, f.counting, zeta_max), time.perf_counter() - start, real,
     )  # fmt: skip
+
+
+def counted(p: SplitProblem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: float) -> Count:
+    """Compare the modes found with the zeros of T around the band.
+
+    Args:
+        p: the problem without damping.
+        C: damping [N s/m].
+        s: eigenvalues found, with conjugates, up to a little beyond the region [1/s].
+        high: upper end of the band [rad/s].
+        zeta_max: the region holds the modes of the band up to this damping ratio.
+
+    Returns:
+        How they were counted, or why not.
+
+    Raises:
+        InaccurateResult: the numbers differ.
+    """
+    if not (p.symmetric or p.friction is not None):
+        return p.not_low_rank
+    dofs = np.arange(C.shape[0])
+    none = sp.csr_matrix((0, dofs.size))
+    left, right = (none, none) if p.friction is None else (p.friction.left, p.friction.right)
+    elements = np.arange(right.shape[0])
+    body = Substructure(
+        dofs, elements, p.frictionless, p.M, C, {"N": right, "T": left}, np.zeros((dofs.size, 0))
+    )
+    one = np.ones(elements.size)
+    # Friction left' right with springs of 1 N/m, and nothing along the gaps.
+    contact = ContactLinearisation(0 * one, one, 0 * one, 0 * one)
+    try:
+        model = reduce_bodies([body], one, (0.0, high / 2 / np.pi), tolerance=TOLERANCE)
+    except InaccurateResult as error:
+        if symmetric.count_below(p.frictionless, p.M, -symmetric.SHIFT * high**2)[0] > 0:
+            return p.indefinite
+        return Count("not counted", f"{error}; lower the end of the band")
+    zeros = model.zeros([], contact)
+    wide = zeta_max / np.sqrt(1 - zeta_max**2)
+    region = damped_region(np.r_[s, zeros], high, wide)
+    found, expected = int(region.holds(s).sum()), int(region.holds(zeros).sum())
+    if found != expected:
+        raise InaccurateResult(f"damped modes: {found} found, the reduced problem has {expected}")
+    return Count("proven", "zeros of T(z) of the frictionless modes, complete by inertia")

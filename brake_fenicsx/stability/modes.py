@@ -15,13 +15,10 @@ from typing import Any, Literal
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex, Index, Mask
 from brake_fenicsx.display import Shown, html_table, mesh_grid
 from brake_fenicsx.errors import SceneError
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # alpha beyond this share of |lambda| is called unstable; below it the model decides nothing.
 THRESHOLD = 1e-6
@@ -79,7 +76,7 @@ class Modes(Shown):
     condition: Array
     count: Count
     seconds: float
-    real: NDArray[np.bool_]
+    real: Mask
     on_mesh: Callable[[int], tuple[Any, Complex]] | None = None
 
     def __post_init__(self) -> None:
@@ -193,7 +190,7 @@ def counted_rows(s: Complex, count: Count, zeta_max: float) -> Count:
 
 def undamped_rows(
     kappa: Complex, error: Array, band: tuple[float, float]
-) -> tuple[NDArray[np.intp], Complex, Array, NDArray[np.bool_]]:
+) -> tuple[Index, Complex, Array, Mask]:
     """Rows of the band from the eigenvalues of K phi = kappa M phi, lambda^2 = -kappa.
 
     Args:
@@ -218,7 +215,7 @@ def undamped_rows(
     return order, lam[order], spread[order], _surely_real(kappa, error)[order]
 
 
-def _surely_real(kappa: Complex, error: Array) -> NDArray[np.bool_]:
+def _surely_real(kappa: Complex, error: Array) -> Mask:
     """Surely real and positive kappa: its error disc meets no other disc and not zero."""
     real = (kappa.imag == 0) & (kappa.real > error)
     order = np.argsort(kappa.real, kind="stable")
@@ -235,7 +232,7 @@ def _surely_real(kappa: Complex, error: Array) -> NDArray[np.bool_]:
 
 def damped_rows(
     s: Complex, right: Complex, error: Array, band: tuple[float, float], zeta_max: float
-) -> tuple[NDArray[np.intp], Complex]:
+) -> tuple[Index, Complex]:
     """Rows of the band among some eigenvalues with omega >= 0, rigid modes first.
 
     Args:
@@ -257,7 +254,7 @@ def damped_rows(
     return rows, np.where(np.abs(s[rows]) <= error[rows], 0.0, s[rows])
 
 
-def _independent(right: Complex, among: NDArray[np.intp]) -> NDArray[np.intp]:
+def _independent(right: Complex, among: Index) -> Index:
     """Those of some eigenvalues at zero that have vectors of their own.
 
     A rigid mode that nothing damps is a double zero, and round-off splits zeros into pairs of any

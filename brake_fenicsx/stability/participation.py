@@ -16,14 +16,10 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex, Index, Mask
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.mac import mac
-
-from .modes import Complex
-
-Array = NDArray[np.float64]
 
 # Two rows +-alpha of one pair agree to this share of |lambda|.
 SAME = 1e-6
@@ -71,7 +67,7 @@ def _energy(A: Any, phi: Complex) -> Array:
     return np.asarray(np.maximum(np.einsum("im,im->m", phi.conj(), image).real, 0.0))
 
 
-def flutter_partners(s: Complex) -> NDArray[np.intp]:
+def flutter_partners(s: Complex) -> Index:
     """The other row of each flutter pair of an undamped problem.
 
     Args:
@@ -92,9 +88,7 @@ def flutter_partners(s: Complex) -> NDArray[np.intp]:
     return partner
 
 
-def damped_partners(
-    s: Complex, phi: Complex, M: Any, unstable: NDArray[np.bool_]
-) -> NDArray[np.intp]:
+def damped_partners(s: Complex, phi: Complex, M: Any, unstable: Mask) -> Index:
     """The mode that each growing mode of a damped problem coalesced with, by its shape.
 
     Args:

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Complex
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.stability.modes import Complex
 
 from .matching import Match, conjugate_pair, match
 from .state import State

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from brake_fenicsx.stability.modes import Complex
+from brake_fenicsx.arguments import Complex
 
 from .branches import Branch, Followed, Solve
 from .matching import conjugate_pair, squared_distance

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from brake_fenicsx.stability.modes import Complex
+from brake_fenicsx.arguments import Complex
 
 from .state import State, group_likeness, likeness
 

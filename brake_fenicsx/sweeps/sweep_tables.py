@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from brake_fenicsx.arguments import Complex
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.results.families import Onsets, known_numbers
 from brake_fenicsx.results.run import SWEEP, save_tables
 from brake_fenicsx.results.squeal import squeals
 from brake_fenicsx.results.tables import Row, RowTable
 from brake_fenicsx.scene.scalars import si_unit
-from brake_fenicsx.stability.modes import Complex
 
 from .critical import Critical, critical_values
 from .events import FROM_FIRST, MERGING, ONSET

@@ -9,9 +9,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.brake import assemble_brake, interfaces_of, parts_of
 from brake_fenicsx.build.brake_doubts import placement_doubts
-from brake_fenicsx.build.inventory import interfaces_of, parts_of
 from brake_fenicsx.description import describe
 from brake_fenicsx.macro.contact_elements import contact_elements
 from brake_fenicsx.macro.elasticity import assemble_elastic

@@ -9,7 +9,7 @@ import pytest
 from brake_fenicsx import model
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.samples.solve import full_modes
-from brake_fenicsx.stability.substructures import reach
+from brake_fenicsx.stability.substructures import offline
 
 pytestmark = pytest.mark.hard
 
@@ -96,7 +96,7 @@ def test_a_lining_of_4_to_10_mm(tmp_path):
 )
 def test_a_range_that_no_allowed_degree_reaches(box, monkeypatch, caplog):
     """Said before the samples, with narrower ranges; within these the tolerance holds."""
-    monkeypatch.setattr(reach, "HIGHEST", 4)
+    monkeypatch.setattr(offline, "HIGHEST", 4)
     prepared = model.prepare(BLOCK, COARSE, parameters=box)
     (line,) = [r.getMessage() for r in caplog.records if "narrower range" in r.getMessage()]
     assert "missed by" in line and 'stability.on_tolerance = "full order"' in line

@@ -11,7 +11,7 @@ import pytest
 from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import assemble, run
-from brake_fenicsx.samples.shared_matrices import FILE, with_shared_matrices
+from brake_fenicsx.samples.numbering import MATRICES, with_shared_matrices
 
 pytestmark = pytest.mark.together
 
@@ -43,7 +43,7 @@ def test_matrices_are_those_of_the_file(brake, store):
 def test_a_share_writes_nothing_and_other_matrices_are_not_taken(brake, store):
     store.share = Share(1, 2)
     assert not mapped(with_shared_matrices(brake, store, COMM).K)
-    assert not store.path(FILE).exists()
+    assert not store.path(MATRICES).exists()
     # A share is nothing that processes do together: none goes on to write while another looks.
     COMM.Barrier()
     store.share = None

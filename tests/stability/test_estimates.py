@@ -8,7 +8,7 @@ import pytest
 from brake_fenicsx.results.run import eigenvalue_errors
 from brake_fenicsx.samples.solve import _missed
 from brake_fenicsx.stability.modes import relative_errors
-from brake_fenicsx.stability.substructures.interpolated import InterpolatedCoefficients
+from brake_fenicsx.stability.substructures.parameters import InterpolatedCoefficients
 from brake_fenicsx.sweeps.matching import equal
 from brake_fenicsx.sweeps.state import State
 from dense_reference import all_damped
@@ -75,7 +75,7 @@ def test_a_mode_that_grows_as_fast_as_it_turns_is_listed(two_blocks):
     error is per cents, by the mesh; the true one lies within it.
     """
     from brake_fenicsx.stability import reduce_bodies
-    from brake_fenicsx.stability.damping_matrices import velocity_slope
+    from brake_fenicsx.stability.damping_matrices import friction_damping
     from brake_fenicsx.stability.substructures import CONSTANT
     from brake_fenicsx.stability.substructures.reduced_model import LISTED
 
@@ -84,7 +84,8 @@ def test_a_mode_that_grows_as_fast_as_it_turns_is_listed(two_blocks):
     model = reduce_bodies(bodies, scene.w, BAND, CONSTANT, followed("falling"))
     sample = Sample(scene, "falling", mu=0.3, seed=6)
     sample.along = 40 * sample.along
-    C = velocity_slope(scene.T, scene.w, sample.along, 1.0).toarray()
+    rates = sample.along, sample.across
+    C = friction_damping(scene.T, scene.R, scene.w, *rates).toarray()
     exact = all_damped(sample.M.toarray(), C, sample.K.toarray(), HIGH)
     far = (np.abs(exact) > 1.1 * HIGH) & (np.abs(exact) < LISTED * HIGH)
     (exact,) = exact[far & (exact.imag > 0) & (exact.imag < HIGH)]

@@ -18,23 +18,17 @@ from brake_fenicsx.stability.eigensolvers.symmetric import (
     modes_not_counted,
     shifted_factor,
 )
-from brake_fenicsx.stability.full import (
-    dense,
-    interface,
-    interface_count,
-)
-from brake_fenicsx.stability.full import (
-    friction_modes as friction,
-)
-from brake_fenicsx.stability.full.friction_modes import FRICTIONLESS
-from brake_fenicsx.stability.full.interface import difference_interface
-from brake_fenicsx.stability.full.interface_count import (
+from brake_fenicsx.stability.full import dense, interface
+from brake_fenicsx.stability.full import friction_modes as friction
+from brake_fenicsx.stability.full.friction_modes import (
+    FRICTIONLESS,
     Determinant,
     InterfaceModes,
     at_interface,
     below,
     prove,
 )
+from brake_fenicsx.stability.full.interface import difference_interface
 from dense_reference import agrees, all_kappa, all_lambda
 
 BAND = (0.0, 90e3)
@@ -154,7 +148,7 @@ def prepared(scene, k, mu, cutoff=1.6, orders=1):
     face = contact_interface(scene.N, scene.T, scene.w * k, mu)
     seen = interface.moments(factor, scene.M, face, orders)
     known = complete(K, scene.M, modes.kappa, count_below(K, scene.M, limit))
-    return below(at_interface(modes, face), *known), face, seen, high
+    return below(at_interface(modes, limit, sigma, face), *known), face, seen, high
 
 
 @pytest.mark.parametrize("keep", [False, True])
@@ -244,8 +238,7 @@ def test_stiff_contact_is_proven_with_more_moments(two_blocks, monkeypatch):
     given = scene.M, None, scene.tangent(k, 1.0), BAND
     monkeypatch.setattr(friction, "LIMIT", 1.35)
     for more, proven in ((1, False), (12, True)):
-        monkeypatch.setattr(friction, "MOST_ORDERS", more)
-        monkeypatch.setattr(interface_count, "MOST_ORDERS", more)
+        monkeypatch.setattr(interface, "MOST_ORDERS", more)
         count = complex_modes(*given, frictionless=scene.tangent(k, 0.0)).count
         assert count.kind == ("proven" if proven else "counted")
         assert ("which should be below 1" in count.how) != proven

@@ -212,7 +212,7 @@ def test_a_lost_mode_is_noticed(monkeypatch):
 
     def lossy(*args, **more):
         m = lowest(*args, **more)
-        return type(m)(m.Phi[:, 1:], m.Lambda[1:])
+        return type(m)(m.Phi[:, 1:], m.kappa[1:])
 
     monkeypatch.setattr(symmetric, "lowest_modes", lossy)
     K, M, _ = chain(400)

@@ -6,7 +6,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.macro.solver import Factor
-from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
+from brake_fenicsx.stability.eigensolvers.symmetric import lowest_modes
 
 
 def factored(A):
@@ -24,9 +24,9 @@ def test_lowest_modes_with_doublets_and_a_triplet(block):
     half = np.sqrt(M)
     K = half @ Q @ np.diag(values) @ Q.T @ half
     m = lowest_modes(factored(0.5 * (K + K.T)), sp.csr_matrix(M), 5.5, block=block)
-    np.testing.assert_allclose(m.Lambda, values[values <= 5.5], rtol=1e-8)
-    np.testing.assert_allclose(m.Phi.T @ M @ m.Phi, np.eye(m.Lambda.size), atol=1e-9)
-    r = K @ m.Phi - M @ m.Phi * m.Lambda
+    np.testing.assert_allclose(m.kappa, values[values <= 5.5], rtol=1e-8)
+    np.testing.assert_allclose(m.Phi.T @ M @ m.Phi, np.eye(m.kappa.size), atol=1e-9)
+    r = K @ m.Phi - M @ m.Phi * m.kappa
     assert np.abs(r).max() < 1e-6
 
 
@@ -34,9 +34,9 @@ def test_lowest_modes_below_everything_and_above_everything():
     """No mode below the cutoff, and all modes of a small problem."""
     values = np.array([1.0, 2.0, 3.0, 50.0])
     factor = factored(np.diag(values))
-    assert lowest_modes(factor, sp.identity(4, format="csr"), 0.5).Lambda.size == 0
+    assert lowest_modes(factor, sp.identity(4, format="csr"), 0.5).kappa.size == 0
     np.testing.assert_allclose(
-        lowest_modes(factor, sp.identity(4, format="csr"), 1e3).Lambda, values, rtol=1e-12
+        lowest_modes(factor, sp.identity(4, format="csr"), 1e3).kappa, values, rtol=1e-12
     )
 
 
@@ -46,5 +46,5 @@ def test_one_degree_of_freedom():
     factor = factored(4 * one)
     found = lowest_modes(factor, one, 10.0)
     factor.destroy()
-    np.testing.assert_allclose(found.Lambda, [4.0], rtol=1e-14)
+    np.testing.assert_allclose(found.kappa, [4.0], rtol=1e-14)
     assert abs(found.Phi[0, 0]) == 1.0

@@ -27,8 +27,7 @@ from brake_fenicsx.stability import (
 from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.eigensolvers import symmetric
 from brake_fenicsx.stability.substructures import CONSTANT
-from brake_fenicsx.stability.substructures.interpolated import InterpolatedCoefficients
-from brake_fenicsx.stability.substructures.parameters import Interpolation
+from brake_fenicsx.stability.substructures.parameters import InterpolatedCoefficients, Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros
 from brake_fenicsx.stability.substructures.seen_body import Complement
 from brake_fenicsx.stability.substructures.substructure import mirror_image
@@ -233,7 +232,7 @@ def hidden(real):
 
     def solve(*args, **kwargs):
         found = real(*args, **kwargs)
-        return type(found)(found.Phi[:, 1:], found.Lambda[1:])
+        return type(found)(found.Phi[:, 1:], found.kappa[1:])
 
     return solve
 

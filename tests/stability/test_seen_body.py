@@ -11,7 +11,7 @@ from brake_fenicsx.stability.substructures.frequency import (
     imaginary_points,
     real_points,
 )
-from brake_fenicsx.stability.substructures.reduction import lagrange, proportional
+from brake_fenicsx.stability.substructures.reduction import proportional
 from brake_fenicsx.stability.substructures.seen_body import SeenBody
 
 NODES, ELEMENTS, CUTOFF = 120, 12, 1.8
@@ -117,9 +117,3 @@ def test_points_keep_away_from_eigenvalues():
     moved = real_points(5, close)
     apart = np.abs(moved[1:, None] - close).min()
     assert apart > 1e-3 and np.abs(moved - points).max() <= 2e-2
-
-
-def test_lagrange_weights_are_exact_for_polynomials():
-    """Also at a complex point."""
-    nodes, x = np.array([0.1, 0.4, 0.7, 1.0]), 0.3 + 0.2j
-    assert lagrange(nodes, x) @ (nodes**3 - nodes) == pytest.approx(x**3 - x)

@@ -113,7 +113,7 @@ class StateModes:
         here, eq = self._equilibria.of(here, True, start)
         rates = here.brake.rates(friction, eq.p)
         contact = ContactLinearisation.of(eq.k_vibration, here.friction.mu, *rates)
-        model = self._models.reduction.of(here)
+        model = self._models.reduction.of(here.approach)
         return eq, model.modes(here.brake.point, contact, self._settings.zeta_max)
 
     def _in_state(self, sample: SampleInput, i: int) -> SampleInput:

@@ -66,7 +66,7 @@ class Cycles:
     def sample(self, sample: SampleInput, eq: Equilibrium) -> SampleCycles:
         """The equations of a sample; arguments as above."""
         reduction, scene, approach = self._models.reduction, self._scene, sample.approach
-        model, contact = reduction.of(sample), sample.brake.contact
+        model, contact = reduction.of(sample.approach), sample.brake.contact
         hard = scene.micro is not None and scene.micro.hardness is not None
         yields = np.array([
             hard and table.law == "library" and approach not in PERFECT

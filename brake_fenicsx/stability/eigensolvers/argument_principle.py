@@ -19,12 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Mask
 from brake_fenicsx.errors import InaccurateResult
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 # The region of kappa may reach beyond the band to a gap of the spectrum, by this share: 5 % in
 # frequency, a few modes of any brake.
 MARGIN = 0.1
@@ -51,7 +49,7 @@ class Trapezium:
     slope: float
     rise: float
 
-    def holds(self, values: NDArray) -> NDArray[np.bool_]:
+    def holds(self, values: AnyArray) -> Mask:
         """Which of some values lie inside."""
         x, y = values.real, np.abs(values.imag)
         return np.asarray(
@@ -85,7 +83,7 @@ def widest_gap(values: Array, low: float, high: float) -> float:
     return float(0.5 * (marks[widest] + marks[widest + 1]))
 
 
-def undamped_region(kappa: NDArray, low: float, high: float, zeta_max: float) -> Trapezium:
+def undamped_region(kappa: AnyArray, low: float, high: float, zeta_max: float) -> Trapezium:
     """Region of the plane of kappa that holds every mode of a band up to a damping ratio.
 
     Args:
@@ -130,9 +128,9 @@ def damped_region(s: Complex, high: float, wide: float, margin: float = RIM) -> 
 
 
 def count_zeros(
-    T: Callable[[complex], NDArray],
+    T: Callable[[complex], AnyArray],
     region: Trapezium,
-    candidates: NDArray,
+    candidates: AnyArray,
     points: int = 6,
     most: int = 2000,
 ) -> int:
@@ -162,7 +160,10 @@ def count_zeros(
 
 
 def turn_along(phase: Callable[[complex], complex], path: Complex, most: int = 2000) -> float:
-    """Turn of a phase along a path [rad].
+    """Turn of a phase along a path [rad], each piece of it settled by a point between its ends.
+
+    The point between is evaluated in any case: two ends alone cannot tell a small turn from one
+    that is a whole turn larger, as a missed zero close to the path makes it.
 
     Args:
         phase: complex number of modulus one for a point of the path.
@@ -172,14 +173,28 @@ def turn_along(phase: Callable[[complex], complex], path: Complex, most: int = 2
     Raises:
         InaccurateResult: the phase cannot be followed: a zero lies on the path.
     """
+    shortest, evaluated = 1e-11 * float(np.abs(path).max()), path.size
+
+    def turn(a: complex, b: complex, at_a: complex, at_b: complex) -> float:
+        nonlocal evaluated
+        if evaluated >= most or not abs(b - a) > shortest:
+            raise InaccurateResult(
+                "count of modes: an eigenvalue lies on the edge of the band; move the band a little"
+            )
+        evaluated += 1
+        middle = 0.5 * (a + b)
+        at_middle = phase(middle)
+        first, second = np.angle(at_middle / at_a), np.angle(at_b / at_middle)
+        if max(abs(first), abs(second)) <= TURN:
+            return float(first + second)
+        return turn(a, middle, at_a, at_middle) + turn(middle, b, at_middle, at_b)
+
     phases = [phase(z) for z in path]
-    follower = _PhaseFollower(phase, 1e-11 * float(np.abs(path).max()), most - path.size)
-    ends = zip(path, path[1:], phases, phases[1:], strict=False)
-    return sum(follower.turn(*between) for between in ends)
+    return sum(turn(*ends) for ends in zip(path, path[1:], phases, phases[1:], strict=False))
 
 
 def determinant_phase(
-    lu: tuple[NDArray, NDArray], candidates: NDArray, poles: NDArray | None = None
+    lu: tuple[AnyArray, AnyArray], candidates: AnyArray, poles: AnyArray | None = None
 ) -> complex:
     """Phase of det T prod poles / prod candidates, from a factorisation of T, but for the sign.
 
@@ -194,32 +209,3 @@ def determinant_phase(
     swaps = int(np.sum(lu[1] != np.arange(lu[1].size)))
     phase: complex = np.prod(factors / np.abs(factors)) * (-1) ** swaps
     return phase
-
-
-class _PhaseFollower:
-    """Turn of a phase along a path, each piece of it settled by a point between its ends.
-
-    The point between is evaluated in any case: two ends alone cannot tell a small turn from one
-    that is a whole turn larger, as a missed zero close to the path makes it.
-    """
-
-    def __init__(self, phase: Callable[[complex], complex], shortest: float, most: int):
-        self.phase, self.shortest, self.remaining = phase, shortest, most
-
-    def turn(self, a: complex, b: complex, at_a: complex, at_b: complex) -> float:
-        """Turn from a to b [rad].
-
-        Raises:
-            InaccurateResult: it cannot be followed.
-        """
-        if self.remaining <= 0 or not abs(b - a) > self.shortest:
-            raise InaccurateResult(
-                "count of modes: an eigenvalue lies on the edge of the band; move the band a little"
-            )
-        self.remaining -= 1
-        middle = 0.5 * (a + b)
-        at_middle = self.phase(middle)
-        first, second = np.angle(at_middle / at_a), np.angle(at_b / at_middle)
-        if max(abs(first), abs(second)) <= TURN:
-            return float(first + second)
-        return self.turn(a, middle, at_a, at_middle) + self.turn(middle, b, at_middle, at_b)

@@ -13,17 +13,13 @@ Complex columns in real arithmetic: without complex copies of real matrices or K
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex
 from brake_fenicsx.errors import NotConverged
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # Vectors of a block.
 BLOCK = 8
@@ -57,7 +53,7 @@ def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
     return out
 
 
-def times(A: NDArray[Any] | sp.spmatrix, x: NDArray[Any], kind: type | None = None) -> Complex:
+def times(A: AnyArray | sp.spmatrix, x: AnyArray, kind: type | None = None) -> Complex:
     """A x for real A, in its own precision or in another one."""
     B = A if kind is None else A.astype(kind, copy=False)
     return on_parts(lambda y: B @ y.astype(B.dtype, copy=False), x)

@@ -16,16 +16,13 @@ from mpi4py import MPI
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from brake_fenicsx.arguments import Array, Complex, Index
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.processes import in_turns
 
 from .arnoldi import times, with_conjugates
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # Eigenvalues closer than this, relatively, share their vectors: each of them has these to about
 # round-off over the distance, 1e-9.
@@ -181,7 +178,7 @@ def paired(s: Complex, left: Complex, weighted: Complex) -> Complex:
 
 def matched(
     right: Complex, left: Complex, sigma: float, reach: float, leftmost: float = -np.inf
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+) -> tuple[Index, Index]:
     """Right eigenvalues within reach of a shift, and for each of them its own left one.
 
     Args:

@@ -1,25 +1,29 @@
-"""All lowest modes of the frictionless problem, proven complete by inertia.
+"""All lowest modes of the frictionless problem by block Lanczos, proven complete by inertia.
 
 K_s phi = kappa M phi with K_s symmetric. S = K_s - sigma M with a small negative shift is positive
-definite also where a part is held by nothing (rigid modes, open contacts): block Lanczos with S^-1.
+definite also where a part is held by nothing (rigid modes, open contacts). Blocks, because a factor
+solves many right-hand sides for the price of a few; small ones, because a Krylov space of larger
+ones is of lower degree and so needs more vectors.
+
+Reference: R. G. Grimes, J. G. Lewis and H. D. Simon, SIAM J. Matrix Anal. Appl. 15 (1994) 228,
+doi:10.1137/S0895479888151111.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.arguments import Array, Mask
+from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.macro.condensation import Solves
+from brake_fenicsx.macro.solver import BlockProduct, Factor
 
-from .lanczos import lowest_modes
-
-Array = NDArray[np.float64]
+from .arnoldi import combined, shares
 
 # -sigma as a share of the highest kappa of the band: rigid modes stay clear of round-off, and the
 # spectrum is hardly compressed. A divergence needs a larger shift; with one that is a hundred times
@@ -29,22 +33,22 @@ SHIFT, LARGEST_SHIFT = 1e-3, 1e2
 # A limit closer than this to an eigenvalue is moved beyond it; by no more than MOVED.
 ON_EDGE, MOVED = 1e-11, 1e-3
 
+# Convergence is looked for each time the space has grown by this factor: the eigenvalues of its
+# dense matrix cost more than several blocks.
+GROWTH = 1.1
+
 
 @dataclass(frozen=True, slots=True)
-class Symmetric:
-    """Modes of K_s phi = kappa M phi below a limit.
+class RealModes:
+    """Modes of K phi = kappa M phi.
 
     Attributes:
-        sigma: shift, negative [1/s^2].
         Phi: M-orthonormal shapes, shape (dofs, modes).
         kappa: eigenvalues [1/s^2], ascending.
-        limit: up to it all were looked for [1/s^2].
     """
 
-    sigma: float
     Phi: Array
     kappa: Array
-    limit: float
 
 
 def shifted_factor(
@@ -101,7 +105,7 @@ def count_below(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[int, 
 
 def symmetric_modes(
     K: sp.csr_matrix, M: sp.csr_matrix, factor: Factor, sigma: float, limit: float
-) -> Symmetric:
+) -> RealModes:
     """All modes below a limit, counted.
 
     Args:
@@ -109,7 +113,7 @@ def symmetric_modes(
         M: mass [kg].
         factor: factor of K_s - sigma M.
         sigma: the shift [1/s^2].
-        limit: largest eigenvalue wanted [1/s^2]; may be raised a little by the count.
+        limit: largest eigenvalue wanted [1/s^2]; the count may raise it a little.
 
     Returns:
         The modes.
@@ -120,15 +124,15 @@ def symmetric_modes(
     """
     counted = count_below(K, M, limit)
     modes = modes_not_counted(M, factor, sigma, limit, counted[0])
-    inside, limit = complete(K, M, modes.kappa, counted)
+    inside, _ = complete(K, M, modes.kappa, counted)
     Phi, kappa = _polished(K, M, factor, modes.Phi[:, inside])
-    return replace(modes, Phi=Phi, kappa=kappa, limit=limit)
+    return RealModes(Phi, kappa)
 
 
 def modes_not_counted(
     M: sp.csr_matrix, factor: Factor, sigma: float, limit: float,
     expected: int = 0, tolerance: float = 1e-9,
-) -> Symmetric:  # fmt: skip
+) -> RealModes:  # fmt: skip
     """Modes up to a limit, and a little beyond as far as a count may move it.
 
     Args:
@@ -145,12 +149,12 @@ def modes_not_counted(
     cutoff = limit * (1 + 2 * MOVED) - sigma
     found = lowest_modes(factor, M, cutoff, tolerance, expected)
     release_memory()
-    return Symmetric(sigma, found.Phi, found.Lambda + sigma, limit)
+    return RealModes(found.Phi, found.kappa + sigma)
 
 
 def complete(
     K: sp.csr_matrix, M: sp.csr_matrix, kappa: Array, counted: tuple[int, float]
-) -> tuple[NDArray[np.bool_], float]:
+) -> tuple[Mask, float]:
     """Which modes lie below the limit of a count, as many as it says.
 
     Args:
@@ -190,3 +194,84 @@ def _polished(
     stiff = X.T @ (K @ X)
     kappa, turn = la.eigh(0.5 * (stiff + stiff.T), 0.5 * (gram + gram.T))
     return X @ turn, kappa
+
+
+def lowest_modes(
+    factor: Solves,
+    M: sp.csr_matrix,
+    cutoff: float,
+    tolerance: float = 1e-9,
+    expected: int = 0,
+    block: int = 16,
+) -> RealModes:
+    """All modes below a cutoff of the pencil whose stiffness is factored.
+
+    Args:
+        factor: factor of the positive definite stiffness [N/m].
+        M: mass [kg].
+        cutoff: largest eigenvalue wanted [1/s^2].
+        tolerance: relative residual of every mode.
+        expected: number of modes, if it is known: there is room for at least so many.
+        block: number of vectors in a block.
+
+    Returns:
+        The modes. That none is missed is for the caller to prove, by an inertia count.
+
+    Raises:
+        NotConverged: the Krylov space fills without convergence.
+    """
+    n = M.shape[0]
+    block = min(block, n)
+    room = min(n, max(128 * block, 4 * expected))
+    V = np.empty((n, room + block), order="F")
+    H = np.zeros((room + block, room + block))
+    mass = BlockProduct(M)
+    W = factor.solve(mass(np.random.default_rng(0).standard_normal((n, block))))
+    new, Mnew, _ = _orthonormalise(W, mass(W))
+    size = before = due = 0
+    for _ in range(room // block + 1):
+        k = new.shape[1]
+        last = slice(size, size + k)
+        V[:, last] = new
+        size += k
+        W = factor.solve(Mnew)
+        h = np.zeros((size, k))
+        # Only the last two blocks have a share in W; all others round-off, which grows unchecked.
+        for first in (before, 0):
+            c = shares(V[:, first:size], mass(W))
+            W -= combined(V[:, first:size], c)
+            h[first:] += c
+        before = last.start
+        H[:size, last] = h
+        H[last, :size] = h.T
+        new, Mnew, coupling = _orthonormalise(W, mass(W))
+        if size < min(due, n, room):
+            continue
+        due = int(GROWTH * size) + block
+        theta, S = la.eigh(0.5 * (H[:size, :size] + H[:size, :size].T))
+        # A copy: BLAS takes no negative strides, and NumPy's own loop is ten times slower.
+        theta, S = theta[::-1], S[:, ::-1].copy()
+        # K^-1 M y - theta y = new coupling s, in the norm of M; over theta it is relative.
+        residual = np.linalg.norm(coupling @ S[last], axis=0) / np.abs(theta)
+        keep = int((theta > 1 / cutoff).sum())
+        if size >= n or (keep < size and np.all(residual[: keep + 1] < tolerance)):
+            return RealModes(combined(V[:, :size], S[:, :keep]), 1 / theta[:keep])
+    raise NotConverged(f"block Lanczos: {size} vectors do not give all modes below the cutoff")
+
+
+def _orthonormalise(W: Array, MW: Array) -> tuple[Array, Array, Array]:
+    """M-orthonormal basis of a block, and the coefficients that give the block back.
+
+    Directions of no length are dropped.
+    """
+    back = np.eye(W.shape[1])
+    for _ in range(2):
+        gram = W.T @ MW
+        values, vectors = la.eigh(0.5 * (gram + gram.T))
+        good = values > 1e-14 * values[-1]
+        turn = vectors[:, good] / np.sqrt(values[good])
+        back = (vectors[:, good] * np.sqrt(values[good])).T @ back
+        W, MW = W @ turn, MW @ turn
+        if not W.shape[1]:
+            break
+    return W, MW, back

@@ -26,32 +26,22 @@ from mpi4py import MPI
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.macro.solver import Factor
 
+from ..eigensolvers import eigenpairs
 from ..eigensolvers.argument_principle import RIM
 from ..eigensolvers.arnoldi import nearest_modes, times
-from ..eigensolvers.eigenpairs import (
-    ROUND_OFF,
-    QuadraticPencil,
-    both_sides,
-    damped_errors,
-    paired,
-    rayleigh_quotient,
-    residuals,
-)  # fmt: skip
 from ..eigensolvers.symmetric import SHIFT, count_below
-from ..modes import NEAR_ZERO, Complex, Count, Modes, damped_rows
+from ..modes import NEAR_ZERO, Count, Modes, damped_rows
 from .dense import DENSE, counted_quadratic, dense_quadratic_modes
-from .eigenproblem import SplitProblem
-
-Array = NDArray[np.float64]
+from .interface import SplitProblem
 
 
 def quadratic_modes(
-    p: QuadraticPencil, high: float, zeta_max: float, comm: MPI.Comm = MPI.COMM_SELF
+    p: eigenpairs.QuadraticPencil, high: float, zeta_max: float, comm: MPI.Comm = MPI.COMM_SELF
 ) -> tuple[Complex, Complex, Complex]:
     """All modes with |lambda| up to the far corners of the region that is counted, and conjugates.
 
@@ -87,7 +77,7 @@ def quadratic_modes(
         return found, X[:n]
 
     symmetric = _symmetric(C) and _symmetric(K)
-    return both_sides(side, s, reach, comm, leftmost, symmetric)
+    return eigenpairs.both_sides(side, s, reach, comm, leftmost, symmetric)
 
 
 def _symmetric(A: sp.spmatrix) -> bool:
@@ -126,7 +116,7 @@ def damped_modes(
         band: lowest and highest frequency [Hz].
         tolerance: relative residual of every mode.
         zeta_max: largest damping ratio looked for.
-        counted: counts the modes of a large problem, see ``damped_count``.
+        counted: counts the modes of a large problem, see ``eigen.counted``.
         comm: two processes that share the work, or one; collective.
 
     Returns:
@@ -138,7 +128,7 @@ def damped_modes(
     """
     start = time.perf_counter()
     low, high = (2 * np.pi * f for f in band)
-    pencil = QuadraticPencil(problem.M, C, problem.K)
+    pencil = eigenpairs.QuadraticPencil(problem.M, C, problem.K)
     if problem.K.shape[0] <= DENSE:
         s, right, left = dense_quadratic_modes(pencil, high)
         counting = counted_quadratic(pencil, s, high, zeta_max)
@@ -152,14 +142,14 @@ def damped_modes(
     )
     chosen = chosen[np.lexsort((s[chosen].real, s[chosen].imag))]
     s, right, left = s[chosen], right[:, chosen], left[:, chosen]
-    left = paired(s, left, pencil.slope(s, right))
-    s = rayleigh_quotient(pencil, s, right, left)
-    condition, error = damped_errors(pencil, s, right, left)
+    left = eigenpairs.paired(s, left, pencil.slope(s, right))
+    s = eigenpairs.rayleigh_quotient(pencil, s, right, left)
+    condition, error = eigenpairs.damped_errors(pencil, s, right, left)
     rows, s = damped_rows(s, right, error, (low, high), zeta_max)
     right, left = right[:, rows], left[:, rows]
     R, MX = pencil.times(s, right), times(pencil.M, right)
-    residual, backward = residuals(pencil, s, right, R, MX)
-    if np.any((residual > tolerance) & (backward > ROUND_OFF)):
+    residual, backward = eigenpairs.residuals(pencil, s, right, R, MX)
+    if np.any((residual > tolerance) & (backward > eigenpairs.ROUND_OFF)):
         raise NotConverged(
             f"damped modes: relative residual {residual.max():.1e}, wanted {tolerance:.0e}"
         )

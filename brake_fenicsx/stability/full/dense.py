@@ -9,18 +9,16 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Mask
 from brake_fenicsx.errors import InaccurateResult
 
 from ..eigensolvers.argument_principle import count_zeros, damped_region, undamped_region
+from ..eigensolvers.arnoldi import on_parts
 from ..eigensolvers.eigenpairs import QuadraticPencil
 from ..eigensolvers.symmetric import SHIFT, count_below
 from ..modes import Count
-from .eigenproblem import Found, SplitProblem, agree
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from .interface import Found, SplitProblem, agree
 
 # Up to this size the dense eigenvalues are as quick as any other.
 DENSE = 300
@@ -74,12 +72,10 @@ def dense_modes(p: SplitProblem, high: float) -> tuple[Complex, Complex, Complex
         theta, right = found
         left = right
     else:
-        lu = _factored(S)
-        theta, left, right = la.eig(la.lu_solve(lu, B), left=True, right=True)
-        left = la.lu_solve(lu, left.real, trans=1) + 1j * la.lu_solve(lu, left.imag, trans=1)
+        theta, right, left = _inverse_pairs(S, B)
         # Symmetric but indefinite: real eigenvalues all the same.
         theta = theta.real if p.symmetric and np.all(np.linalg.eigvalsh(B) > 0) else theta
-    keep = np.abs(theta) > MASSLESS * np.abs(theta).max(initial=0.0)
+    keep = _with_mass(theta)
     kappa = sigma + 1 / theta[keep].astype(complex)
     return kappa, right[:, keep].astype(complex), left[:, keep].astype(complex)
 
@@ -105,12 +101,9 @@ def dense_quadratic_modes(p: QuadraticPencil, high: float) -> tuple[Complex, Com
     M, C, K = (sp.csr_matrix(A).toarray() for A in (p.M, p.C, p.K))
     zero, one, shift = np.zeros((n, n)), np.eye(n), np.sqrt(SHIFT) * high
     B = np.block([[one, zero], [C, high * M]])
-    lu = _factored(np.block([[zero, -high * one], [K, zero]]) + shift * B)
-    theta, w, z = la.eig(-la.lu_solve(lu, B), left=True, right=True)
-    keep = np.abs(theta) > MASSLESS * np.abs(theta).max()
-    theta, w, z = theta[keep], w[:, keep], z[:n, keep]
-    y = la.lu_solve(lu, w.real, trans=1) + 1j * la.lu_solve(lu, w.imag, trans=1)
-    return shift + 1 / theta.astype(complex), z.astype(complex), y[n:]
+    theta, z, y = _inverse_pairs(np.block([[zero, -high * one], [K, zero]]) + shift * B, B)
+    keep = _with_mass(theta)
+    return shift - 1 / theta[keep].astype(complex), z[:n, keep].astype(complex), y[n:, keep]
 
 
 def counted_quadratic(p: QuadraticPencil, s: Complex, high: float, zeta_max: float) -> Count:
@@ -136,20 +129,26 @@ def counted_quadratic(p: QuadraticPencil, s: Complex, high: float, zeta_max: flo
     return Count("proven", "winding number of det(lambda^2 M + lambda C + K)")
 
 
-def _factored(S: Array) -> tuple[Array, NDArray[np.int32]]:
-    """L U of the shifted matrix.
+def _inverse_pairs(S: Array, B: Array) -> tuple[AnyArray, AnyArray, AnyArray]:
+    """Eigenvalues theta of B x = theta S x, right and left vectors.
 
     Raises:
-        InaccurateResult: it is singular.
+        InaccurateResult: S is singular.
     """
     with np.errstate(all="ignore"):
         lu = la.lu_factor(S)
     if not np.all(np.abs(np.diag(lu[0])) > 0):
         raise InaccurateResult("K - sigma M is singular: a dof has neither stiffness nor mass")
-    return lu
+    theta, left, right = la.eig(la.lu_solve(lu, B), left=True, right=True)
+    return theta, right, on_parts(lambda x: la.lu_solve(lu, x, trans=1), left.astype(complex))
 
 
-def _symmetric(S: Array, M: Array) -> tuple[Array, Array] | None:
+def _with_mass(theta: AnyArray) -> Mask:
+    """Which eigenvalues of the inverse are not those of massless dofs."""
+    return np.asarray(np.abs(theta) > MASSLESS * np.abs(theta).max(initial=0.0))
+
+
+def _symmetric(S: Array, M: Array) -> tuple[AnyArray, AnyArray] | None:
     """Eigenpairs of M x = theta S x for positive definite S; None if it is not."""
     try:
         theta, X = la.eigh(M, S)

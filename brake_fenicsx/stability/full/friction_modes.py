@@ -1,31 +1,51 @@
-"""All modes of a large undamped problem with friction, and their number on the interface."""
+"""All modes of a large undamped problem with friction, and the proof that none is missing.
+
+Block Arnoldi finds them, and the contact interface counts them:
+
+K - kappa M = (K_s - kappa M) + left' right has the determinant
+
+    det(K_s - kappa M) det G(kappa),     G = I + right (K_s - kappa M)^-1 left'.
+
+The zeros of the first factor are counted by inertia. G is analytic but for these poles, so that the
+number of eigenvalues in a region is that of the poles plus the turns of det G along its edge. With
+the modes Phi, Lambda below a limit and the moments about sigma, kappa' = kappa - sigma,
+
+    G = I + P (Lambda' - kappa')^-1 Q' + R_0 + kappa' R_1 + ... + kappa'^(J-1) R_(J-1) + remainder,
+    P = right Phi,  Q = left Phi,  R_j = right S^-1 (M S^-1)^j left' - P Lambda'^-(j+1) Q'.
+
+All modes below the limit are in Phi, so that the remainder is the sum over the modes beyond it of
+P (kappa' / Lambda')^J / (Lambda' - kappa') Q'. With A A' = P Lambda'^-1 P' <= right S^-1 right' and
+B B' = Q Lambda'^-m Q' = left S^-1 (M S^-1)^(m-1) left' less its part in Phi, m <= J, the turns of
+det G are those of its known part as long as
+
+    |kappa'|^J limit'^((1 + m) / 2 - J) / (limit' - |kappa'|) |B' G^-1| |A| < 1
+
+along the edge; the largest value of the left-hand side is kept with the count. One moment suffices
+for rough contact. Each further R_j that is known makes it smaller by |kappa'| / limit'.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from math import ceil
 from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import NDArray
+import scipy.linalg as la
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Mask
 from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.folder.processes import in_turns
+from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.macro.solver import BlockProduct
 
-from ..eigensolvers.argument_principle import RIM, undamped_reach, undamped_region
-from ..eigensolvers.arnoldi import BLOCK, combined, nearest_modes
+from ..eigensolvers import argument_principle, symmetric
+from ..eigensolvers.arnoldi import BLOCK, combined, nearest_modes, times
 from ..eigensolvers.eigenpairs import both_sides
-from ..eigensolvers.symmetric import complete, count_below, modes_not_counted, shifted_factor
 from ..modes import Count
-from .eigenproblem import Found, SplitProblem, agree
-from .interface import MOST_ORDERS, Interface, Inverse, moments, more_moments
-from .interface_count import Determinant, InterfaceModes, at_interface, below, moments_needed, prove
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from . import interface
 
 # The frictionless modes are complete up to this multiple of the largest |kappa - sigma| of the
 # region. Each moment divides the bound of the proof by it, the number of modes grows. Measured: one
@@ -43,10 +63,22 @@ FRICTIONLESS, RIGHT, LEFT = 1e-6, 1e-10, 1e-8
 OTHERS = 1e-2
 
 
+# Subspace iterations for the norm in the bound of the remainder: at the first point, at all others.
+FIRST_STEPS, STEPS = 12, 3
+
+# Where the bound at the corner of the region is larger than the first number, as many moments are
+# taken as should bring it to the second. Along the edge it was up to three times as large.
+ENOUGH, WANTED = 0.5, 0.2
+
+
 def friction_modes(
-    p: SplitProblem, friction: Interface, low: float, high: float, zeta_max: float,
+    p: interface.SplitProblem,
+    friction: interface.Interface,
+    low: float,
+    high: float,
+    zeta_max: float,
     comm: MPI.Comm = MPI.COMM_SELF,
-) -> Found | None:  # fmt: skip
+) -> interface.Found | None:
     """Block Arnoldi from either side, and the proof; collective.
 
     Args:
@@ -68,35 +100,43 @@ def friction_modes(
     held: list[Any] = []
     # Every process factors the matrix for itself; where memory is short for one, all raise.
     list(
-        in_turns(comm.size, lambda i: held.append(shifted_factor(p.frictionless, p.M, high)), comm)
+        in_turns(
+            comm.size,
+            lambda i: held.append(symmetric.shifted_factor(p.frictionless, p.M, high)),
+            comm,
+        )
     )
     if held[0] is None:
         return None
     factor, sigma = held[0]
-    reach = undamped_reach(high, zeta_max) - sigma
+    reach = argument_principle.undamped_reach(high, zeta_max) - sigma
     pencil, limit = (p.frictionless, p.M), LIMIT * reach
 
     def without_friction() -> tuple[InterfaceModes, Array, Array]:
-        found = modes_not_counted(p.M, factor, sigma, limit, tolerance=FRICTIONLESS)
+        found = symmetric.modes_not_counted(p.M, factor, sigma, limit, tolerance=FRICTIONLESS)
         band, lowest = (found.Phi[:, found.kappa <= end] for end in (reach, LOW * limit))
-        return at_interface(found, friction), _starting_block(band), np.asfortranarray(lowest)
+        seen = at_interface(found, limit, sigma, friction)
+        return seen, _starting_block(band), np.asfortranarray(lowest)
 
     parts: tuple[Callable[[], Any], ...] = (
         without_friction,
-        lambda: (count_below(*pencil, limit), moments(factor, p.M, friction, keep=True)),
+        lambda: (
+            symmetric.count_below(*pencil, limit),
+            interface.moments(factor, p.M, friction, keep=True),
+        ),
     )
     (modes, start, lowest), (counted, known) = in_turns(2, lambda i: parts[i](), comm)
-    modes = below(modes, *complete(*pencil, modes.kappa, counted))
-    inverse = Inverse(factor, friction, known)
+    modes = below(modes, *symmetric.complete(*pencil, modes.kappa, counted))
+    inverse = interface.Inverse(factor, friction, known)
     kappa, right, left = _both_sides(p, inverse, modes, reach, start, comm)
     del inverse
     known = replace(known, SL=None)
-    region = undamped_region(kappa, low, high, zeta_max)
+    region = argument_principle.undamped_region(kappa, low, high, zeta_max)
     det = Determinant(modes, friction, known)
-    for orders in range(moments_needed(det, region, comm), MOST_ORDERS + 1):
+    for orders in range(moments_needed(det, region, comm), interface.MOST_ORDERS + 1):
         if orders > len(known.RL):
             # Stiff contact: more of what the kept modes leave out is needed.
-            known = more_moments(factor, p.M, friction, known, orders, lowest, comm)
+            known = interface.more_moments(factor, p.M, friction, known, orders, lowest, comm)
             det = Determinant(modes, friction, known)
         proof = prove(det, region, kappa, comm)
         if proof.remainder < 1:
@@ -105,9 +145,9 @@ def friction_modes(
     proven = proof.remainder < 1
     bound = f"remainder {proof.remainder:.1g}" + ("" if proven else ", which should be below 1")
     how = f"winding number on the interface of rank {friction.rank} ({bound})"
-    agree(int(region.holds(kappa).sum()), proof.count, high, f"the {how}")
+    interface.agree(int(region.holds(kappa).sum()), proof.count, high, f"the {how}")
     how = f"inertia without friction, {how}" + ("" if proven else p.remedy)
-    return Found(kappa, right, left, Count("proven" if proven else "counted", how))
+    return interface.Found(kappa, right, left, Count("proven" if proven else "counted", how))
 
 
 def _starting_block(Phi: Array) -> Array:
@@ -120,8 +160,8 @@ def _starting_block(Phi: Array) -> Array:
 
 
 def _both_sides(
-    p: SplitProblem,
-    inverse: Inverse,
+    p: interface.SplitProblem,
+    inverse: interface.Inverse,
     modes: InterfaceModes,
     reach: float,
     start: Array,
@@ -134,7 +174,7 @@ def _both_sides(
     def side(transposed: bool) -> tuple[Complex, Complex]:
         found = nearest_modes(
             lambda b: inverse(mass(b), transposed),
-            *(p.M.shape[0], modes.sigma, RIM * reach, expected),
+            *(p.M.shape[0], modes.sigma, argument_principle.RIM * reach, expected),
             tolerance=LEFT if transposed else RIGHT,
             start=start,
         )
@@ -142,3 +182,185 @@ def _both_sides(
         return found
 
     return both_sides(side, modes.sigma, reach, comm)
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """Number of eigenvalues in a region.
+
+    Attributes:
+        count: the number.
+        remainder: bound of what the expansion leaves out, relative; below 1 it is a proof.
+        points: points of the edge.
+    """
+
+    count: int
+    remainder: float
+    points: int
+
+
+@dataclass(frozen=True, slots=True)
+class InterfaceModes:
+    """The modes of the frictionless problem at the interface.
+
+    Attributes:
+        kappa: eigenvalues [1/s^2], ascending; all there are below the limit.
+        limit: proven by inertia [1/s^2].
+        sigma: shift of the moments [1/s^2].
+        P: right Phi, shape (rank, modes).
+        Q: left Phi, shape (rank, modes).
+    """
+
+    kappa: Array
+    limit: float
+    sigma: float
+    P: Array
+    Q: Array
+
+
+def at_interface(
+    modes: symmetric.RealModes, limit: float, sigma: float, friction: interface.Interface
+) -> InterfaceModes:
+    """Rows of some modes at the interface."""
+    P, Q = friction.right @ modes.Phi, friction.left @ modes.Phi
+    return InterfaceModes(modes.kappa, limit, sigma, P, Q)
+
+
+def below(modes: InterfaceModes, inside: Mask, limit: float) -> InterfaceModes:
+    """The modes below a limit up to which a count has found them complete."""
+    kappa, P, Q = modes.kappa[inside], modes.P[:, inside], modes.Q[:, inside]
+    return InterfaceModes(kappa, limit, modes.sigma, P, Q)
+
+
+class Determinant:
+    """Phase of det G, and the bound of the remainder."""
+
+    def __init__(
+        self, modes: InterfaceModes, friction: interface.Interface, moments: interface.Moments
+    ):
+        """Prepare.
+
+        Args:
+            modes: the frictionless problem at the interface.
+            friction: the friction term.
+            moments: its moments about the shift of the modes.
+        """
+        self.sigma, self.kappa = modes.sigma, modes.kappa
+        self.limit = modes.limit - modes.sigma
+        away = modes.kappa - modes.sigma
+        self.P, self.Q = modes.P, modes.Q
+        self.R = np.array(moments.RL)
+        self.m = min(len(self.R), interface.POWER_LL)
+
+        def kept(left: Array, power: int) -> Array:
+            seen = slice(moments.low if power > 1 else 0, None)
+            return np.asarray((left[:, seen] / away[seen] ** power) @ self.Q[:, seen].T)
+
+        for j, R in enumerate(self.R):
+            R -= kept(self.P, j + 1)
+        self.R[0] += np.eye(friction.rank)
+        values, vectors = la.eigh(moments.LL - kept(self.Q, self.m))
+        self.B = np.sqrt(np.maximum(values, 0.0)) * vectors
+        self.A = np.sqrt(moments.RR)
+        self._begin()
+
+    def _begin(self) -> None:
+        self.remainder, self.points = 0.0, 0
+        self._x = np.random.default_rng(0).standard_normal((len(self.P), 4)).astype(complex)
+
+    def turn(self, path: AnyArray, candidates: AnyArray, poles: Array) -> tuple[float, float, int]:
+        """Turn of ``phase`` along a path [rad], largest remainder there, and number of points."""
+        self._begin()
+        turned = argument_principle.turn_along(lambda z: self.phase(z, candidates, poles), path)
+        return turned, self.remainder, self.points
+
+    def phase(self, kappa: complex, candidates: AnyArray, poles: Array) -> complex:
+        """Phase of det G prod(poles - kappa) / prod(candidates - kappa), up to a constant sign.
+
+        Args:
+            kappa: a point of the edge.
+            candidates: eigenvalues that are divided out.
+            poles: those of G in the region and as far beyond it as there are candidates. Each pole
+                further away has an eigenvalue next to it, and the two together hardly turn the
+                phase of det G. With the pole alone multiplied, the eigenvalues of many would turn
+                it by whole turns between two points of the edge.
+        """
+        z = kappa - self.sigma
+        modal, powers = 1 / (self.kappa - kappa), z ** np.arange(len(self.R))
+        # Real matrices: their products with the two parts, not complex copies of them.
+        G = np.empty(self.R.shape[1:], dtype=complex)
+        for part, m, n in ((G.real, modal.real, powers.real), (G.imag, modal.imag, powers.imag)):
+            part[:] = (self.P * m) @ self.Q.T + np.tensordot(n, self.R, 1)
+        lu = la.lu_factor(G, overwrite_a=True, check_finite=False)
+        self.remainder = max(self.remainder, self._bound(abs(z), lu))
+        self.points += 1
+        return argument_principle.determinant_phase(lu, candidates - kappa, poles - kappa)
+
+    def _bound(self, z: float, lu: tuple[AnyArray, AnyArray]) -> float:
+        """Bound of the relative remainder; |B' G^-1| by subspace iteration, so from just below.
+
+        It goes on from where the last point of the edge, a close one, has left it.
+        """
+        if not z < self.limit:
+            return np.inf
+        size = 0.0
+        for _ in range(FIRST_STEPS if self.points == 0 else STEPS):
+            x = la.qr(self._x, mode="economic", check_finite=False)[0]
+            y = times(self.B.T, la.lu_solve(lu, x, check_finite=False))
+            size = float(np.linalg.norm(y, 2))
+            self._x = la.lu_solve(lu, times(self.B, y), trans=2, check_finite=False)
+        J = len(self.R)
+        power = (1 + self.m) / 2
+        return (z / self.limit) ** J * self.limit**power / (self.limit - z) * size * self.A
+
+
+def moments_needed(det: Determinant, region: argument_principle.Trapezium, comm: MPI.Comm) -> int:
+    """Number of moments that should prove a count, by the bound at the corner; collective.
+
+    Args:
+        det: the determinant with the moments that are known.
+        region: where to count.
+        comm: the processes.
+    """
+    corner = complex(region.high, region.slope * region.high + region.rise)
+
+    def needed() -> int:
+        none = np.zeros(0)
+        det.phase(corner, none, none)
+        known, ratio = len(det.R), abs(corner - det.sigma) / det.limit
+        if det.remainder < ENOUGH or not ratio < 1:
+            return known
+        return min(
+            known + ceil(np.log(WANTED / det.remainder) / np.log(ratio)), interface.MOST_ORDERS
+        )
+
+    return on_first(needed, comm)
+
+
+def prove(
+    det: Determinant,
+    region: argument_principle.Trapezium,
+    candidates: AnyArray,
+    comm: MPI.Comm = MPI.COMM_SELF,
+) -> Proof:
+    """Count the eigenvalues of a region, conjugates included; collective.
+
+    Args:
+        det: the determinant, of modes that are complete beyond the region.
+        region: where to count.
+        candidates: what an eigensolver found, in the region and near it, conjugates included.
+        comm: two processes, each of which follows half of the edge, or one.
+
+    Returns:
+        The count and what it is worth.
+
+    Raises:
+        InaccurateResult: an eigenvalue lies on the edge of the region.
+    """
+    path = region.upper_half(6)
+    halves = path[: path.size // 2 + 1], path[path.size // 2 :]
+    poles = det.kappa[det.kappa <= candidates.real.max(initial=region.high)]
+    done = in_turns(2, lambda i: det.turn(halves[i], candidates, poles), comm)
+    turned, remainder, points = zip(*done, strict=True)
+    count = int(region.holds(candidates).sum()) + int(np.rint(sum(turned) / np.pi))
+    return Proof(count, max(remainder), sum(points))

@@ -6,6 +6,8 @@ right' right themselves. What is behind the interface is reached by solves with 
 
     K - sigma M = S + left' right,    E = I + right S^-1 left',
     (S + left' right)^-1 = S^-1 - S^-1 left' E^-1 right S^-1.
+
+``SplitProblem`` is the undamped problem so taken apart.
 """
 
 from __future__ import annotations
@@ -17,14 +19,14 @@ from mpi4py import MPI
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex, Index
+from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import BlockProduct, Factor, blocks
 
 from ..eigensolvers.arnoldi import combined, shares
-
-Array = NDArray[np.float64]
+from ..modes import Count
 
 # Most moments of the interface, right S^-1 (M S^-1)^j left', j = 0, 1, ..., and the highest power m
 # of S^-1 in left S^-1 (M S^-1)^(m - 1) left'.
@@ -115,7 +117,7 @@ def difference_interface(F: sp.spmatrix, tolerance: float = 1e-13) -> Interface 
     return Interface(left, _placed(root[:, None] * W[:rank], columns, F.shape[0]), False)
 
 
-def _placed(values: Array, columns: NDArray[np.intp], size: int) -> sp.csr_matrix:
+def _placed(values: Array, columns: Index, size: int) -> sp.csr_matrix:
     """A dense matrix as some columns of a wider sparse one."""
     n = values.shape[0]
     indptr = np.arange(n + 1) * columns.size
@@ -254,3 +256,74 @@ class Inverse:
             return x - combined(SL, c)
         # Only the rows of contact nodes are not zero.
         return x - self.factor.solve(sp.csc_matrix(second.T @ c))
+
+
+@dataclass(frozen=True, slots=True)
+class SplitProblem:
+    """K x = kappa M x, taken apart.
+
+    Attributes:
+        K: stiffness [N/m].
+        M: mass [kg].
+        frictionless: symmetric part without friction, K itself if that is symmetric.
+        friction: K - frictionless as an interface; None if K is symmetric or that has no low rank.
+        halved: whether the symmetric half of K stands for the frictionless part.
+    """
+
+    K: sp.csr_matrix
+    M: sp.csr_matrix
+    frictionless: sp.csr_matrix
+    friction: Interface | None
+    halved: bool
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether there is no friction."""
+        return self.frictionless is self.K
+
+    @property
+    def remedy(self) -> str:
+        """What helps where nothing can be counted or proven."""
+        return "; give frictionless=, the stiffness at mu = 0" if self.halved else ""
+
+    @property
+    def not_low_rank(self) -> Count:
+        """Record of modes that are not counted because of the rank of friction."""
+        reason = "K less its frictionless part is not of low rank"
+        return Count("not counted", reason + self.remedy)
+
+    @property
+    def indefinite(self) -> Count:
+        """Record of modes that are not counted because of the frictionless part."""
+        part = "symmetric half of K" if self.halved else "frictionless stiffness"
+        reason = f"the {part} is not positive semi-definite{self.remedy}"
+        return Count("not counted", reason)
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a method found.
+
+    Attributes:
+        kappa: eigenvalues [1/s^2], conjugates included.
+        right: right vectors, shape (dofs, modes).
+        left: left vectors, psi^H K = kappa psi^H M.
+        counting: how their number was counted.
+    """
+
+    kappa: Complex
+    right: Complex
+    left: Complex
+    counting: Count
+
+
+def agree(found: int, expected: int, high: float, by: str) -> None:
+    """Compare the modes found with those counted.
+
+    Raises:
+        InaccurateResult: they differ.
+    """
+    if found != expected:
+        raise InaccurateResult(
+            f"{found} modes found up to {np.sqrt(high) / 2 / np.pi:g} Hz, {by} counts {expected}"
+        )

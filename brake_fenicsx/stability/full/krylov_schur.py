@@ -11,6 +11,7 @@ Reference: G. W. Stewart, SIAM J. Matrix Anal. Appl. 23 (2002) 601, doi:10.1137/
 from __future__ import annotations
 
 import brake_fenicsx.petsc_started  # noqa: F401
+from brake_fenicsx.arguments import Complex
 
 # isort: split
 
@@ -19,7 +20,6 @@ from slepc4py import SLEPc
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.macro.solver import petsc_matrix
@@ -27,9 +27,7 @@ from brake_fenicsx.macro.solver import petsc_matrix
 from ..eigensolvers.argument_principle import RIM, opening
 from ..eigensolvers.eigenpairs import both_sides
 from ..eigensolvers.symmetric import count_below
-from .eigenproblem import Found, SplitProblem
-
-Complex = NDArray[np.complex128]
+from .interface import Found, SplitProblem
 
 
 def general_modes(p: SplitProblem, high: float, zeta_max: float, tolerance: float) -> Found:

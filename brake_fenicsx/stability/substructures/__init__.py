@@ -1,9 +1,8 @@
 """Reduced model of a brake from its substructures: component mode synthesis with exact contact."""
 
 from .contact_rows import ContactLinearisation
-from .offline import reduce_bodies
+from .offline import Shortfall, reduce_bodies, shortfall
 from .parameters import CONSTANT, Parameters
-from .reach import Shortfall, shortfall
 from .reduced_model import ReducedModel
 from .substructure import Substructure, split_substructures
 

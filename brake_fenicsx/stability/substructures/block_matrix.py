@@ -21,14 +21,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from brake_fenicsx.arguments import AnyArray, Array, Index, Mask
 
 from .component import AtPoint, Placed
 from .contact_rows import SIGMA, Rows
-from .interpolated import Powers
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from .parameters import Powers
 
 # A kept mode is free if its frequency at the centre of the box lies below this share of the band's.
 FREE = 1e-2
@@ -50,7 +48,7 @@ class BlockMatrix:
     own: Array
     lead: Array
     source: Array
-    D: list[NDArray[Any]]
+    D: list[AnyArray]
     load: Array
     push: Array
 
@@ -120,7 +118,7 @@ def assembled(
     own = np.zeros((max(len(views[0].modal), count if coupled else 0), size, size))
     lead = np.zeros((last, size, g * acting.count))
     source = np.zeros((last, f * followed.count, size))
-    D: list[NDArray[Any]] = [
+    D: list[AnyArray] = [
         np.zeros((f * followed.count, g * acting.count), A.dtype) for A in views[0].D
     ]
     loads = bodies[0].component.loads.shape[0]
@@ -150,7 +148,7 @@ def assembled(
 
 
 def _add(
-    D: list[NDArray[Any]],
+    D: list[AnyArray],
     coefficients: Powers,
     flat: Index,
     places: list[list[tuple[Any, Any]]],
@@ -188,7 +186,7 @@ def _square(rows: Index, columns: Index) -> tuple[Any, Any]:
 
 
 def static_compliance(
-    b: BlockMatrix, free: NDArray[np.bool_], stiffness: Array, rows: Rows, omega: float
+    b: BlockMatrix, free: Mask, stiffness: Array, rows: Rows, omega: float
 ) -> tuple[Array, Array, Array]:
     """Static compliance: gaps and free coordinates; see ``macro.condensation.Compliance``.
 
@@ -226,7 +224,7 @@ def static_compliance(
     )
 
 
-def _at_rest(A: Iterable[NDArray[Any]], rows: Rows) -> Array:
+def _at_rest(A: Iterable[AnyArray], rows: Rows) -> Array:
     """A polynomial in w at lambda = 0."""
     w = -rows.shift if rows.damped else SIGMA
     return np.asarray(sum(w**n * B for n, B in enumerate(A)), float)

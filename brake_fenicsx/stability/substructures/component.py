@@ -16,21 +16,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..modes import Complex
-from .contact_rows import SIGMA, Rows, shifted_polynomial
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
+
+from .contact_rows import Rows, shifted_polynomial
 from .frequency import Polynomial
-from .interpolated import InterpolatedCoefficients, Powers
-from .parameters import CONSTANT, Parameters
+from .parameters import CONSTANT, InterpolatedCoefficients, Parameters, Powers
 from .substructure import SAME_ENTRY, MirrorImage, Substructure, mirror_image, turned_across
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 # What the names of a body's arrays begin with.
 BODY = "body"
 
@@ -71,7 +68,7 @@ class Component:
     """
 
     def __init__(
-        self, arrays: dict[str, NDArray[Any]], rows: Rows, parameters: Parameters, omega: float
+        self, arrays: dict[str, AnyArray], rows: Rows, parameters: Parameters, omega: float
     ):
         """Take what the offline stage made.
 
@@ -92,19 +89,13 @@ class Component:
         degrees = [int(degree) for degree in arrays["degrees"]]
         orders = [int(order) for order in arrays["orders"]]
         self._coefficients = InterpolatedCoefficients(orders, degrees, arrays)
-        self._constant: AtPoint | None = None
         self._still = self._motions(body.interface)
 
     def at(self, x: Array) -> AtPoint:
-        """The substructure at a point of the box, shape (d,); one and the same if none moves it."""
-        own = x[self._own]
-        if not own.size and self._constant is not None:
-            return self._constant
+        """The substructure at a point of the box, shape (d,)."""
         rows = self.interface(x)
         motions = self._still if rows is self.body.interface else self._motions(rows)
-        found = AtPoint(self._modal(x), *self._coefficients.at(own), *motions)
-        self._constant = None if own.size else found
-        return found
+        return AtPoint(self._modal(x), *self._coefficients.at(x[self._own]), *motions)
 
     def growth(self, w: Complex) -> Array:
         """Error of the polynomials at some w over that at the end of the band."""
@@ -141,12 +132,8 @@ class Component:
             return np.asarray(A + sum(c[row, j] * part for j, part in parts))
 
         K, M = changed(self._K, 0) / self._omega**2, changed(self._M, 2)
-        if not self._rows.damped:
-            return np.array([K + SIGMA * M, -M])
-        s, C = self._rows.shift, np.zeros_like(K)
-        if len(self._C):
-            C = changed(self._C[0], 1) / self._omega
-        return np.array([K + s * C + SIGMA * M, C + 2 * s * M, M])
+        C = changed(self._C[0], 1) / self._omega if len(self._C) else None
+        return np.array(shifted_polynomial(K, C, M, self._rows))
 
 
 def interface_at(
@@ -215,35 +202,37 @@ class Placed:
 
 def originals_and_images(
     substructures: Sequence[Substructure], parameters: Parameters = CONSTANT
-) -> tuple[list[Substructure], list[tuple[int, MirrorImage | None, Substructure]]]:
-    """Bodies that are reduced, and for each body its original and how it mirrors that.
+) -> tuple[list[Substructure], dict[str, AnyArray]]:
+    """Bodies that are reduced, and how all bodies follow from them.
 
     Args:
         substructures: the bodies of the brake.
         parameters: of all bodies: an image stays one wherever contact elements slide to.
 
     Returns:
-        The originals; for each body the number of its original, how it mirrors that (None for the
-        original itself), and the body.
+        The originals; for ``placed`` the number of the original, the contact elements, dofs and
+        signs of each body.
     """
     originals: list[Substructure] = []
-    out: list[tuple[int, MirrorImage | None, Substructure]] = []
-    for body in substructures:
+    turned: list[Index] = []
+    arrays: dict[str, AnyArray] = {}
+    corners = parameters.corners(parameters.sliding)
+    for number, body in enumerate(substructures):
+        original, image = len(originals), MirrorImage(body, np.ones(body.dofs.size), False)
         for i, first in enumerate(originals):
-            image = mirror_image(first, body)
-            if image is not None and all(
-                _slide_alike(first, image, parameters, x)
-                for x in parameters.corners(parameters.sliding)
-            ):
-                out.append((i, image, body))
+            found = mirror_image(first, body)
+            if found and all(_slide_alike(first, found, parameters, x) for x in corners):
+                original, image = i, found
+                turned += [found.body.elements] * found.across
                 break
         else:
-            out.append((len(originals), None, body))
             originals.append(body)
-    other = [image.body.elements for _, image, _ in out if image is not None and image.across]
-    if other:
-        originals = [turned_across(body, np.concatenate(other)) for body in originals]
-    return originals, out
+        own = {"original": np.array(original), "signs": image.signs}
+        own |= {"elements": image.body.elements, "dofs": image.body.dofs}
+        arrays |= {f"{BODY}{number}.{name}": a for name, a in own.items()}
+    if turned:
+        originals = [turned_across(body, np.concatenate(turned)) for body in originals]
+    return originals, arrays
 
 
 def _slide_alike(body: Substructure, image: MirrorImage, parameters: Parameters, x: Array) -> bool:
@@ -253,30 +242,13 @@ def _slide_alike(body: Substructure, image: MirrorImage, parameters: Parameters,
     return all(abs(A - other[n]).max() <= SAME_ENTRY * abs(A).max() for n, A in own.items())
 
 
-def image_arrays(
-    images: list[tuple[int, MirrorImage | None, Substructure]],
-) -> dict[str, NDArray[Any]]:
-    """Original, contact elements, dofs and signs of each body, for ``placed``.
-
-    Args:
-        images: what ``originals_and_images`` says of every body.
-    """
-    out: dict[str, NDArray[Any]] = {}
-    for number, (i, image, body) in enumerate(images):
-        own = body if image is None else image.body
-        signs = np.ones(body.dofs.size) if image is None else image.signs
-        given = {"original": np.array(i), "elements": own.elements, "dofs": own.dofs}
-        out |= {f"{BODY}{number}.{n}": a for n, a in {**given, "signs": signs}.items()}
-    return out
-
-
 def placed(
-    groups: Mapping[str, dict[str, NDArray[Any]]], rows: Rows, parameters: Parameters, omega: float
+    groups: Mapping[str, dict[str, AnyArray]], rows: Rows, parameters: Parameters, omega: float
 ) -> list[Placed]:
     """The bodies of the brake, their kept modes one after the other.
 
     Args:
-        groups: arrays of each original, by its number, and of ``image_arrays``.
+        groups: arrays of each original, by its number, and of ``originals_and_images``.
         rows: blocks of contact rows.
         parameters: of all bodies.
         omega: end of the band [rad/s].

@@ -22,14 +22,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.errors import SceneError
-
-from ..modes import Complex
-
-Array = NDArray[np.float64]
 
 # sigma in units of the band's end: positive, so that free bodies have a factor, and small.
 SIGMA = 0.05
@@ -90,22 +86,19 @@ class Rows:
         return out
 
 
-def shifted_polynomial(
-    K: sp.csr_matrix, C: sp.csr_matrix | None, M: sp.csr_matrix, rows: Rows
-) -> list[sp.csr_matrix]:
+def shifted_polynomial(K: Any, C: Any, M: Any, rows: Rows) -> list[Any]:
     """P_0, P_1 and, with rates, P_2 of a body from its matrices in units of the band's end.
 
     Args:
-        K: stiffness.
+        K: stiffness, sparse or dense.
         C: damping; None where the body has none.
         M: mass.
         rows: whether anything depends on a rate.
     """
     if not rows.damped:
-        return [(K + SIGMA * M).tocsr(), -M]
-    s = rows.shift
-    C = sp.csr_matrix(K.shape) if C is None else C
-    return [(K + s * C + SIGMA * M).tocsr(), (C + 2 * s * M).tocsr(), M]
+        return [K + SIGMA * M, -M]
+    s, C = rows.shift, 0 * K if C is None else C
+    return [K + s * C + SIGMA * M, C + 2 * s * M, M]
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,78 +150,54 @@ class ContactLinearisation:
         return cls(out["k"], friction, out["along"], out["across"])
 
     @property
-    def closed(self) -> NDArray[np.intp]:
+    def closed(self) -> Index:
         """Elements in which anything acts."""
         return np.flatnonzero(
             (self.k > 0) | (self.friction != 0) | (self.along != 0) | (self.across != 0)
         )
 
-
-@dataclass(frozen=True, slots=True)
-class ContactForces:
-    """J of some elements in units of the band's end.
-
-    Attributes:
-        normal: w k, shape (elements,).
-        friction: mu w k.
-        rates: for each followed row beside "N", its place among the acting rows and its factor.
-    """
-
-    normal: Array
-    friction: Array
-    rates: list[tuple[int, Array]]
-
-    @classmethod
-    def of(
-        cls,
-        contact: ContactLinearisation,
-        w: Array,
-        elements: NDArray[np.intp],
-        rows: Rows,
-        omega: float,
-    ) -> ContactForces:
-        """Scale the forces of some elements.
+    def scaled(self, w: Array, elements: Index, omega: float) -> ContactLinearisation:
+        """Forces of some elements over their motions, in units of the band's end.
 
         Args:
-            contact: all elements of the sample.
-            w: their areas [m^2].
+            w: areas of all elements [m^2].
             elements: the chosen ones.
-            rows: blocks of contact rows.
             omega: end of the band [rad/s].
         """
-        w = np.asarray(w[elements], dtype=float)
-        normal = np.asarray(w * contact.k[elements] / omega**2)
-        friction = np.asarray(w * contact.friction[elements] / omega**2)
-        factor = {"T": contact.along, "R": contact.across}
-        rates = [
-            (rows.acting.index(name), np.asarray(w * factor[name][elements] / omega))
-            for name in rows.followed[1:]
-        ]
-        return cls(normal, friction, rates)
+        force, rate = w[elements] / omega**2, w[elements] / omega
+        return ContactLinearisation(
+            force * self.k[elements], force * self.friction[elements],
+            rate * self.along[elements], rate * self.across[elements],
+        )  # fmt: skip
 
-    def blocks_after(self, A: NDArray[Any]) -> Iterator[NDArray[Any]]:
+    def blocks_after(self, A: AnyArray, rows: Rows) -> Iterator[AnyArray]:
         """A J, one block of followed rows at a time, in the precision of A.
 
         Args:
             A: shape (rows, acting rows).
+            rows: blocks of contact rows.
 
         Yields:
             Shape (rows, elements).
         """
-        n = self.normal.size
-        normal = A[:, :n] * self.normal.astype(A.dtype, copy=False)
+        n = self.k.size
+        normal = A[:, :n] * self.k.astype(A.dtype, copy=False)
         if self.friction.any():
             normal += A[:, n : 2 * n] * self.friction.astype(A.dtype, copy=False)
         yield normal
-        for place, rate in self.rates:
+        for place, rate in self._rates(rows):
             yield A[:, place * n : (place + 1) * n] * rate.astype(A.dtype, copy=False)
 
-    def __call__(self, u: Complex) -> Complex:
+    def forces(self, u: Complex, rows: Rows) -> Complex:
         """J u of gaps and slip rates, shape (acting rows, columns)."""
-        n = self.normal.size
-        blocks = [self.normal[:, None] * u[:n], self.friction[:, None] * u[:n]]
-        if any(place == 2 for place, _ in self.rates):
-            blocks.append(np.zeros_like(blocks[0]))
-        for j, (place, rate) in enumerate(self.rates, 1):
+        n = self.k.size
+        blocks = [self.k[:, None] * u[:n], self.friction[:, None] * u[:n]]
+        blocks += [np.zeros_like(blocks[0])] * (len(rows.acting) - 2)
+        for j, (place, rate) in enumerate(self._rates(rows), 1):
             blocks[place] = blocks[place] + rate[:, None] * u[j * n : (j + 1) * n]
         return np.vstack(blocks)
+
+    def _rates(self, rows: Rows) -> list[tuple[int, Array]]:
+        """For each followed row beside "N", its place among the acting rows and its factor."""
+        factor = {"T": self.along, "R": self.across}
+        return [(rows.acting.index(name), factor[name]) for name in rows.followed[1:]]

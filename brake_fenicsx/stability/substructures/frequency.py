@@ -12,15 +12,12 @@ of the band, since the nearest pole lies beyond.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..modes import Complex
+from brake_fenicsx.arguments import AnyArray, Array, Complex
+
 from .contact_rows import SIGMA, Rows
-
-Array = NDArray[np.float64]
 
 # kappa of the first point: a free body has its rigid motions at 0.
 FIRST = -1e-4
@@ -81,7 +78,7 @@ class Polynomial:
         count: number of its coefficients.
     """
 
-    def __init__(self, points: NDArray[Any], rows: Rows):
+    def __init__(self, points: AnyArray, rows: Rows):
         """Take the points.
 
         Args:
@@ -97,7 +94,7 @@ class Polynomial:
         single = np.where(np.imag(w[:-1]) > 0, 2.0, 1.0)
         self._weights = inverse[:, : w.size - 1] * single
 
-    def coefficients(self, values: Sequence[NDArray[Any]]) -> Array:
+    def coefficients(self, values: Sequence[AnyArray]) -> Array:
         """Real coefficients in powers of w from the values at all points but the end.
 
         Args:

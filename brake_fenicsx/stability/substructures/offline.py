@@ -1,34 +1,60 @@
-"""The offline stage: the bodies of a brake, each once, made into a reduced model."""
+"""The offline stage: the bodies of a brake, or its matrices, made into a reduced model.
+
+Over a box of materials it knows the bodies at the anchors and at two points between them. With the
+contact of a typical sample these give the errors of modes as the samples will state them. Where too
+many exceed the tolerance, the parameters whose highest degree changes the modes most get more.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from math import ceil, log10
+from dataclasses import dataclass, replace
+from math import ceil, log, log10
 from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+import scipy.sparse as sp
+from numpy.typing import ArrayLike
 
-from brake_fenicsx.arguments import frequency_band
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index, frequency_band
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import in_turns
+from brake_fenicsx.macro.solver import whole
 
-from .component import image_arrays, originals_and_images
-from .contact_rows import ContactLinearisation, Rows
-from .parameters import CONSTANT, Parameters
-from .reach import higher
+from ..modes import Modes, relative_errors
+from .component import originals_and_images
+from .contact_rows import SIGMA, ContactLinearisation, Rows
+from .parameters import BETWEEN, CONSTANT, Parameters
 from .reduced_model import ReducedModel
 from .reduction import Reduction, kept_modes
-from .substructure import Substructure
-
-Index = NDArray[np.intp]
+from .sample import SAFETY
+from .substructure import Substructure, split_substructures
 
 # Relative error that five points in kappa reach, with degree 4 over a box of materials, and how
 # much one degree and one point more gain: measured on two blocks in perfect contact, moduli +-20 %.
 REACHED, GAIN = 1e-5, 12.0
+
+# Share of the modes at the points asked whose errors may exceed the tolerance: of modes that nearly
+# merge they do at any degree.
+ALLOWED = 0.1
+
+# What one degree more gains at least, most degrees more at a time, the highest degree, and points
+# of a body that are not exceeded.
+LEAST_GAIN, MORE, HIGHEST, MOST = 5.0, 6, 14, 150
+
+# The interpolation is not what makes errors of which it has less than this share.
+ELSEWHERE = 0.01
+
+# Modes below this share of the band, or of its square, count with it.
+NEAR_ZERO = 1e-2
+
+# What is left of a range that is said to hold, for the scatter of errors over it; parameters that
+# make this share of the largest part of the errors are narrowed together.
+MARGIN, ALIKE = 0.7, 0.1
 
 
 def reduce_bodies(
@@ -42,7 +68,7 @@ def reduce_bodies(
     contact: ContactLinearisation | None = None,
     comm: MPI.Comm = MPI.COMM_SELF,
     progress: Callable[[int], Callable[[int], None]] = lambda total: lambda done: None,
-    keep: Callable[[dict[str, NDArray[Any]]], Mapping[str, NDArray[Any]]] | None = None,
+    keep: Callable[[dict[str, AnyArray]], Mapping[str, AnyArray]] | None = None,
 ) -> ReducedModel:
     """Reduce the bodies of a brake; collective.
 
@@ -57,7 +83,7 @@ def reduce_bodies(
         cutoff: kept modes reach up to this frequency [Hz]; chosen from the softening of the box
             if None.
         contact: of a typical sample. Where estimated errors with it exceed the tolerance, the
-            degree is raised and the work done again (``reach``); never if None.
+            degree is raised and the work done again (``higher``); never if None.
         comm: processes that share the work.
         progress: called with the number of factors of this process; what it returns is called
             with the number of those that were done since.
@@ -89,16 +115,16 @@ def reduce_bodies(
             for body, kept in zip(bodies, modes, strict=True)
         ]
 
-    def computed(orders: Index) -> dict[str, NDArray[Any]]:
+    def computed(orders: Index) -> dict[str, AnyArray]:
         reductions = planned(orders)
-        arrays: dict[str, NDArray[Any]] = {}
+        arrays: dict[str, AnyArray] = {}
         advance = progress(sum(reduction.factors for reduction in reductions))
         # The largest body takes most memory: it comes before the values of others are there.
         for i in sorted(range(len(bodies)), key=lambda i: -bodies[i].dofs.size):
             arrays |= {f"{i}.{name}": a for name, a in reductions[i].arrays(advance).items()}
         if comm.rank > 0:
             return {}
-        arrays |= {**image_arrays(images), "orders": orders, "followed": np.array(followed)}
+        arrays |= {**images, "orders": orders, "followed": np.array(followed)}
         seconds = time.perf_counter() - start
         return {**arrays, "damped": np.array(damped), "seconds": np.array(seconds)}
 
@@ -131,6 +157,192 @@ def _degrees(tolerance: float, rows: Rows) -> tuple[int, ...]:
     return tuple(max(1, top - (n + 1) // 2) for n in range(top + 1 + rows.rates))
 
 
-def _on_all(arrays: dict[str, NDArray[Any]], comm: MPI.Comm) -> dict[str, NDArray[Any]]:
+def _on_all(arrays: dict[str, AnyArray], comm: MPI.Comm) -> dict[str, AnyArray]:
     """Arrays of the first process on all of them; collective."""
     return {name: comm.bcast(arrays.get(name)) for name in comm.bcast(list(arrays))}
+
+
+class Reduced:
+    """Reduced model of an undamped brake of constant materials, from its matrices.
+
+    Attributes:
+        model: the model.
+    """
+
+    def __init__(
+        self,
+        K: Any,
+        M: Any,
+        N: sp.csr_matrix,
+        T: sp.csr_matrix,
+        w: ArrayLike,
+        k0: ArrayLike,
+        band: tuple[float, float],
+        tolerance: float = 1e-5,
+        comm: MPI.Comm = MPI.COMM_SELF,
+    ):
+        """Offline stage.
+
+        Args:
+            K: elastic stiffness without contact [N/m], SciPy sparse or PETSc, shape (dofs, dofs).
+            M: mass [kg], likewise.
+            N: gap operator, shape (elements, dofs).
+            T: slip operator, likewise.
+            w: areas of the contact elements [m^2], shape (elements,).
+            k0: typical contact stiffness [Pa/m], positive; the model is as good for any other.
+            band: lowest and highest frequency [Hz].
+            tolerance: wanted relative error of lambda.
+            comm: processes that share the work.
+
+        Raises:
+            SceneError: matrices of the wrong kind or shape, or an area that is not positive.
+        """
+        own, areas = whole(K), np.asarray(w, float)
+        for name, A in (("N", N), ("T", T)):
+            if not sp.issparse(A) or A.shape != (areas.size, own.shape[0]):
+                raise SceneError(
+                    f"{name}: a sparse matrix of shape ({areas.size}, {own.shape[0]}) is needed,"
+                    " one row for each contact element and one column for each dof"
+                )
+        for name, value in (("k0", np.asarray(k0, float)), ("w", areas)):
+            if value.shape not in ((), areas.shape):
+                raise SceneError(f"{name}: shape {value.shape}; give one value, or one per element")
+            if not (np.all(np.isfinite(value)) and np.all(value > 0)):
+                raise SceneError(f"{name} = {np.min(value):.3g}: positive finite values are needed")
+        bodies = split_substructures(own, whole(M), {"N": N.tocsr(), "T": T.tocsr()})
+        self.model: ReducedModel = reduce_bodies(
+            bodies, areas, band, tolerance=tolerance, comm=comm
+        )
+
+    def modes(self, k: ArrayLike, mu: ArrayLike) -> Modes:
+        """Complex modes of one sample in the band, see ``ReducedModel.modes``.
+
+        Args:
+            k: contact stiffness of each element [Pa/m], shape (elements,).
+            mu: friction coefficient, one or one per element.
+        """
+        return self.model.modes([], ContactLinearisation.of(k, mu))
+
+    def expand(self, s: Complex, a: Complex, k: ArrayLike, mu: ArrayLike) -> Complex:
+        """Displacements of some modes of a sample, shape (dofs, chosen).
+
+        Args:
+            s: eigenvalues lambda [1/s], shape (chosen,).
+            a: their columns of ``right``.
+            k: contact stiffness of the sample [Pa/m].
+            mu: its friction coefficient.
+        """
+        return self.model.displacements([], ContactLinearisation.of(k, mu), s, a)[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Shortfall:
+    """A tolerance that is not reached over a box.
+
+    Attributes:
+        missed: modes at the points asked whose estimated errors exceed it.
+        modes: all of them.
+        error: largest error of these over |lambda|.
+        usual: error that ``ALLOWED`` of them exceed.
+        each: what the highest degree in each parameter makes of them, shape (d,).
+        wide: numbers of the parameters that make most of them.
+        share: part of their ranges, about the centre, that should hold the tolerance.
+    """
+
+    missed: int
+    modes: int
+    error: float
+    usual: float
+    each: Array
+    wide: Index
+    share: float
+
+
+def shortfall(
+    model: ReducedModel, contact: ContactLinearisation, tolerance: float
+) -> Shortfall | None:
+    """What a model lacks; None where the tolerance holds at the points asked, or no range is why.
+
+    Args:
+        model: the model.
+        contact: of a typical sample.
+        tolerance: wanted relative error of lambda.
+    """
+    if not model.parameters.dimension:
+        return None
+    errors = _errors(model, contact)
+    usual = float(np.quantile(errors, 1 - ALLOWED)) if errors.size else 0.0
+    if usual <= tolerance:
+        return None
+    each, missed = _of_each_parameter(model, contact), int(np.sum(errors > tolerance))
+    if not each.max() > ELSEWHERE * usual:
+        return None
+    wide = np.flatnonzero(each >= ALIKE * each.max())
+    # An interpolation of degree n errs with the power n + 1 of a small width, less of a large one.
+    share = MARGIN * (tolerance / usual) ** (1 / model.orders[wide].min())
+    return Shortfall(missed, errors.size, float(errors.max()), usual, each, wide, share)
+
+
+def higher(
+    model: ReducedModel,
+    contact: ContactLinearisation,
+    tolerance: float,
+    points: Callable[[Index], int],
+) -> Index | None:
+    """Degrees in each parameter with which the tolerance may hold.
+
+    Args:
+        model: the model.
+        contact: of a typical sample.
+        tolerance: wanted relative error of lambda.
+        points: of the box where a body is computed with some degrees.
+
+    Returns:
+        Shape (d,); None where it holds already, or higher ones cost too much.
+    """
+    lacking, orders = shortfall(model, contact, tolerance), model.orders
+    if lacking is None:
+        return None
+    # A parameter of a tenth of the error needs so many degrees less.
+    share = lacking.usual / tolerance * lacking.each / lacking.each.max()
+    wanted = np.ceil(np.log(np.maximum(share, 1.0)) / log(LEAST_GAIN)).astype(int)
+    most = max(MOST, points(orders))
+    for less in range(wanted.max()):
+        found = np.minimum(orders + np.clip(wanted - less, 0, MORE), np.maximum(HIGHEST, orders))
+        if np.any(found > orders) and points(found) <= most:
+            names = np.array(model.parameters.names or range(orders.size), dtype=str)
+            logger.info(
+                "reduced model: errors up to %.0e over the range of %s; made again, of degree %d",
+                lacking.error, ", ".join(names[found > orders]), found.max(),
+            )  # fmt: skip
+            return np.asarray(found)
+    return None
+
+
+def _errors(model: ReducedModel, contact: ContactLinearisation) -> Array:
+    """Estimated errors of modes over |lambda| at the centre, between anchors and at corners."""
+    between = np.resize(BETWEEN, model.parameters.dimension)
+    errors = []
+    for x in (0 * between, between, -between, np.sign(between), -np.sign(between)):
+        modes = model.modes(x, contact)
+        errors.append(relative_errors(modes.s, modes.error))
+    every = np.concatenate(errors)
+    return np.asarray(every[~np.isnan(every)])
+
+
+def _of_each_parameter(model: ReducedModel, contact: ContactLinearisation) -> Array:
+    """What the highest degree in each parameter makes of the stated errors, shape (d,)."""
+    dimension = model.parameters.dimension
+    # z is lambda or its square, but for a shift.
+    rates, out = model.rows.rates, np.zeros(dimension)
+    zero, factor = (-model.rows.shift, SAFETY) if rates else (SIGMA, 0.5 * SAFETY)
+    for j in range(dimension):
+        largest = [0.0]
+        for side in (BETWEEN[0], -BETWEEN[0]):
+            x = side * np.eye(dimension)[j]
+            # The first estimate is the step from one degree lower: here other parameters add none.
+            views = [replace(view, errors=view.errors[:1]) for view in model.at(x)]
+            found, _, errors = model.quotient(model.sample(x, contact, views))
+            largest += list(factor * errors / np.maximum(np.abs(found.z - zero), NEAR_ZERO))
+        out[j] = np.quantile(largest, 1 - ALLOWED)
+    return out

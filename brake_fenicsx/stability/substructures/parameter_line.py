@@ -21,25 +21,22 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex
 from brake_fenicsx.errors import InaccurateResult
 
 from ..eigensolvers.arnoldi import on_parts
-from ..modes import Complex, Count, Modes
+from ..modes import Count, Modes
 from .block_matrix import BlockMatrix
 from .contact_rows import SIGMA, ContactLinearisation
-from .error_estimates import Corrected, corrected
-from .polynomials import Zeros, applied
+from .polynomials import Zeros, applied, zeros
 from .reduced_model import ReducedModel
-from .sample import Sample
+from .sample import Corrected, Sample, corrected
 from .sample_problem import Quotient, SampleProblem
-
-Array = NDArray[np.float64]
 
 # Values whose vectors are held at most; where so many in a row did not suffice, no more are tried.
 HELD = 6
@@ -169,7 +166,7 @@ class Basis:
         sample = model.sample(x, contact)
         found, q, interpolated = model.quotient(sample)
         if holds:
-            stiffness = contact.k / (model.omega**2 / model.areas(x))
+            stiffness = model.areas(x) * contact.k / model.omega**2
             self._learn(x, sample, stiffness, q, interpolated)
         return model.listed_modes(corrected(found, q, interpolated), zeta_max, start)
 
@@ -216,19 +213,19 @@ class Basis:
                 return None
             self._trial = TrialSpace.of(self._held, b, self._tolerance)
         self._refused += 1
-        projected = Projected(model, b, self._trial, contact, model.areas(x))
         try:
-            zeros = projected.problem.zeros(*model.searched)
-            q = projected.problem.quotient(zeros)
+            projected = Projected(model, b, self._trial, contact, model.areas(x))
         except InaccurateResult:
             return None
-        left_out = projected.left_out(zeros, q) + SINGLE * np.abs(zeros.z)
-        square = projected.square(zeros.z)
+        near = zeros(projected.problem.T, 2 if model.rows.rates else 1, *model.searched)
+        q = projected.problem.quotient(near)
+        left_out = projected.left_out(near, q) + SINGLE * np.abs(near.z)
+        square = projected.square(near.z)
         wanted = self._tolerance * np.maximum(square, SIGMA)
-        if not np.all((left_out <= wanted)[square <= 1.0]) or not zeros.z.size:
+        if not np.all((left_out <= wanted)[square <= 1.0]) or not near.z.size:
             return None
         self.projected, self._refused = self.projected + 1, 0
-        out = corrected(zeros, q, (left_out + self._trial.polynomials) / np.abs(q.slope))
+        out = corrected(near, q, (left_out + self._trial.polynomials) / np.abs(q.slope))
         found, V = out.zeros, self._trial.V
         whole = Zeros(found.every, found.chosen, V @ found.right, V @ found.left)
         return Corrected(whole, out.slope, out.error)
@@ -280,9 +277,9 @@ class Projected:
         shift = self._rows.shift
         return np.asarray(np.abs(z + shift) ** 2 if self._rows.rates else np.abs(z - SIGMA))
 
-    def left_out(self, zeros: Zeros, q: Quotient) -> Array:
+    def left_out(self, near: Zeros, q: Quotient) -> Array:
         """What the whole problem adds to b' T a of each zero: r' P^-1 r of both residuals."""
-        t, z, a, b = self._t, zeros.z, zeros.right, zeros.left
+        t, z, a, b = self._t, near.z, near.right, near.left
         eta = q.left[: t.Y.shape[1]]
         right = self._work(
             z,
@@ -303,14 +300,14 @@ class Projected:
 
     def _work(self, z: Complex, motions: Complex, rest: Complex) -> Array:
         """Of missing motions against springs and bodies together, and of missing coordinates."""
-        missing: NDArray[Any] = (np.sqrt(self._k) * motions).astype(np.complex64)
+        missing: AnyArray = (np.sqrt(self._k) * motions).astype(np.complex64)
         stood = on_parts(lambda x: la.solve_triangular(self._stiff, x, trans="T"), missing)
         distance = np.maximum(self._t.beyond - SIGMA - self.square(z), NEAREST)
         work = la.norm(stood, axis=0) ** 2 + la.norm(rest, axis=0) ** 2 / distance
         return np.asarray(work)
 
     @cached_property
-    def _stiff(self) -> NDArray[Any]:
+    def _stiff(self) -> AnyArray:
         """Factor of 1 + k^1/2 D k^1/2: of the symmetric part, whose inverse bounds the whole's."""
         D, root = self._D[0], np.sqrt(self._k)
         D = (0.5 * root * (D + D.T) * root.T).astype(np.float32)
@@ -322,6 +319,6 @@ def _real_columns(X: Complex) -> Array:
     return np.hstack([X.real, X.imag[:, np.any(X.imag, axis=0)]])
 
 
-def _products(A: Sequence[NDArray[Any]], X: Array) -> list[Array]:
+def _products(A: Sequence[AnyArray], X: Array) -> list[Array]:
     """A X of some matrices, each in its own precision."""
     return [(B @ X.astype(B.dtype)).astype(float) for B in A]

@@ -16,15 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex, Index
 from brake_fenicsx.iteration import Steps, sizes
 
 from ..eigensolvers.arnoldi import times
-from ..modes import Complex
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Coefficients = Array | Sequence[Array]
 
 # Steps of the division, and the relative change at which it stands still: the zeros of a truncated

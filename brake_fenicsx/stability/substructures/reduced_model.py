@@ -2,7 +2,7 @@
 
 Offline, each substructure gives its kept modes and polynomials of what they leave out
 (``offline``). A sample then needs dense matrices alone: contact and friction enter exactly
-(``sample``), every eigenvalue has an estimated error (``errors``), and no mode is missed, because
+(``sample``), every eigenvalue has an estimated error, and no mode is missed, because
 an inertia count proves the kept modes complete and no pole of what is left out lies in the band.
 """
 
@@ -17,30 +17,22 @@ from mpi4py import MPI
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.memory import release_memory
 
 from ..eigensolvers.arnoldi import with_conjugates
-from ..modes import Complex, Count, Modes, damped_rows, undamped_rows
+from ..modes import Count, Modes, damped_rows, undamped_rows
+from . import vectors
 from .block_matrix import FREE, BlockMatrix, Chosen, assembled, static_compliance
 from .component import AtPoint, Component, Placed, placed
 from .contact_rows import SIGMA, ContactLinearisation, Rows
-from .error_estimates import Corrected, corrected
 from .parameters import CONSTANT, Parameters
-from .polynomials import Zeros
-from .sample import Sample
+from .polynomials import Zeros, zeros
+from .sample import Corrected, Sample, corrected
 from .sample_problem import Quotient
-from .vectors import (
-    ContactMotions,
-    mode_displacements,
-    motions_of_elements,
-    sharpened,
-    slopes,
-)
-
-Array = NDArray[np.float64]
 
 # Zeros are corrected up to this multiple of the band's end: at the reference brake those of the
 # truncated series are off by less than 1e-4. Modes of the band that grow strongly lie further out:
@@ -69,7 +61,7 @@ class ReducedModel:
 
     def __init__(
         self,
-        arrays: Mapping[str, NDArray[Any]],
+        arrays: Mapping[str, AnyArray],
         w: ArrayLike,
         band: tuple[float, float],
         parameters: Parameters = CONSTANT,
@@ -85,11 +77,11 @@ class ReducedModel:
         """
         self.band: tuple[float, float] = band
         self.parameters: Parameters = parameters
-        self.orders: NDArray[np.intp] = arrays["orders"]
+        self.orders: Index = arrays["orders"]
         self.seconds: float = float(arrays["seconds"])
         self._w, self.omega = np.asarray(w, float), 2 * np.pi * band[1]
         self.rows: Rows = Rows(str(arrays["followed"]), bool(arrays["damped"]))
-        groups: dict[str, dict[str, NDArray[Any]]] = {}
+        groups: dict[str, dict[str, AnyArray]] = {}
         for name, values in arrays.items():
             owner, dot, inner = name.partition(".")
             if dot:
@@ -211,12 +203,12 @@ class ReducedModel:
         for p, contact, s, a in modes:
             chosen.append((self.sample(p, contact), self.scaled(s), a.conj() if left else a))
             release_memory()
-        found = mode_displacements(chosen, self.rows, left, comm, aside)
+        found = vectors.mode_displacements(chosen, self.rows, left, comm, aside)
         return [(u.conj() if left else u, error) for u, error in found]
 
     def motions(
         self, p: ArrayLike, contact: ContactLinearisation, s: Complex, right: Complex, left: Complex
-    ) -> tuple[ContactMotions, Complex, Complex]:
+    ) -> tuple[vectors.ContactMotions, Complex, Complex]:
         """Motions of some modes of a sample at all contact elements.
 
         Args:
@@ -231,17 +223,17 @@ class ReducedModel:
             and the coordinates made sharper: those of ``modes`` are vectors of a truncated series.
         """
         sample, z = self.sample(p, contact), self.scaled(s)
-        v, error = sharpened(sample, z, right, left.conj())
-        seen, met = motions_of_elements(sample, self.rows, self._w.size, z, v)
-        slope = slopes(sample, z, v) * (self.omega if self.rows.rates else -2 * s)
-        return ContactMotions(s, slope, seen, met, error), v.a, v.b.conj()
+        v, error = vectors.sharpened(sample, z, right, left.conj())
+        seen, met = vectors.motions_of_elements(sample, self.rows, self._w.size, z, v)
+        slope = vectors.slopes(sample, z, v) * (self.omega if self.rows.rates else -2 * s)
+        return vectors.ContactMotions(s, slope, seen, met, error), v.a, v.b.conj()
 
     def scaled(self, s: Complex) -> Complex:
         """Z of lambda = s [1/s], in units of the model."""
         scaled = s / self.omega
         return scaled - self.rows.shift if self.rows.rates else SIGMA - scaled**2
 
-    def coordinates(self, A: sp.csr_matrix, u: NDArray[Any] | None = None) -> NDArray[Any]:
+    def coordinates(self, A: sp.csr_matrix, u: AnyArray | None = None) -> AnyArray:
         """U'A u of the kept modes U of all bodies, or U'A U.
 
         Args:
@@ -265,7 +257,7 @@ class ReducedModel:
                 grams[body.modes, body.modes] = U.T @ (inner @ U)
         return grams
 
-    def kept_displacements(self, a: NDArray[Any]) -> NDArray[Any]:
+    def kept_displacements(self, a: AnyArray) -> AnyArray:
         """Displacements U a of the kept modes of all bodies alone.
 
         Args:
@@ -308,7 +300,7 @@ class ReducedModel:
 
     def quotient(self, sample: Sample) -> tuple[Zeros, Quotient, Array]:
         """Zeros in the band or a little beyond, their quotients, and errors of the polynomials."""
-        found = sample.zeros(*self.searched)
+        found = zeros(sample.T, 2 if self.rows.rates else 1, *self.searched)
         q = sample.quotient(found)
         return found, q, sample.polynomial_errors(found.z, q)
 
@@ -333,7 +325,7 @@ class ReducedModel:
         return self._w if contact is None else contact(np.asarray(p, float))[1]
 
     @property
-    def searched(self) -> tuple[float, Callable[[Complex], NDArray[np.intp]]]:
+    def searched(self) -> tuple[float, Callable[[Complex], Index]]:
         """Reach of the search in z, and which zeros lie in the band or a little beyond.
 
         Of each conjugate pair one.
@@ -341,7 +333,7 @@ class ReducedModel:
         rates = self.rows.rates
         reach = LISTED + abs(self.rows.shift) if rates else LISTED**2 + SIGMA
 
-        def near(z: Complex) -> NDArray[np.intp]:
+        def near(z: Complex) -> Index:
             s = z + self.rows.shift if rates else np.sqrt(SIGMA - z + 0j)
             size = np.where(np.abs(s.imag) <= SEARCHED, np.abs(s), np.inf)
             size = np.where(np.abs(s) <= SEARCHED, 0.0, size)

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil
-from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, eigsh
 
+from brake_fenicsx.arguments import AnyArray, Array, Index
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import Factor
@@ -22,14 +21,10 @@ from ..eigensolvers.symmetric import complete, count_below, modes_not_counted
 from .component import interface_at, matrices
 from .contact_rows import SIGMA, Rows
 from .frequency import Polynomial, imaginary_points, real_points
-from .interpolated import InterpolatedCoefficients
-from .parameters import Parameters
+from .parameters import InterpolatedCoefficients, Parameters
 from .sample_problem import ROUND_OFF
 from .seen_body import Complement, SeenBody
 from .substructure import Substructure
-
-Array = NDArray[np.float64]
-
 
 # The poles of what the kept modes leave out lie beyond this multiple of the square of the band's
 # end, wherever in the box; with shapes beyond almost that, after some attempts, and never below
@@ -71,7 +66,7 @@ class Reduction:
         rows: Rows,
         parameters: Parameters,
         degrees: tuple[int, ...],
-        orders: NDArray[np.intp],
+        orders: Index,
         omega: float,
         comm: MPI.Comm,
     ):
@@ -119,7 +114,7 @@ class Reduction:
         each = self._real if self._shares is not None else self._points
         return ceil(self.points * len(each) / self._comm.size)
 
-    def arrays(self, progress: Callable[[int], None]) -> dict[str, NDArray]:
+    def arrays(self, progress: Callable[[int], None]) -> dict[str, AnyArray]:
         """What ``Component`` takes, on the first process alone, nothing on others; collective.
 
         Args:
@@ -163,7 +158,7 @@ class Reduction:
             "modal": np.array(modal), "modal_C": np.array(damping),
         }  # fmt: skip
 
-    def _values(self, i: int, progress: Callable[[int], None]) -> list[NDArray[Any]]:
+    def _values(self, i: int, progress: Callable[[int], None]) -> list[AnyArray]:
         """Values at all points of the frequency at a point of the box; collective.
 
         The processes take the factors in turns.
@@ -177,7 +172,7 @@ class Reduction:
         )  # fmt: skip
         points = self._points if shares is None else np.sqrt(-self._real + 0j)
 
-        def work(j: int) -> NDArray[Any]:
+        def work(j: int) -> AnyArray:
             found = body.at(points[j])
             progress(1)
             return found
@@ -187,7 +182,7 @@ class Reduction:
             return values
         return self._damped(values, *shares)
 
-    def _damped(self, values: list[Array], alpha: float, beta: float) -> list[NDArray[Any]]:
+    def _damped(self, values: list[Array], alpha: float, beta: float) -> list[AnyArray]:
         """Values at the points in lambda of a body with C = alpha M + beta K from those in kappa.
 
         P(lambda) = (1 + beta lambda) (K - kappa M) at a complex kappa.
@@ -201,7 +196,9 @@ class Reduction:
             kappa = -(s**2 + alpha * s) / factor
             # At the end of the band the value there is known, too.
             nodes = self._real[: len(values) - (n < len(self._points) - 1)]
-            value = sum(w * A for w, A in zip(lagrange(nodes, kappa), values, strict=False))
+            powers = np.vander(nodes, increasing=True), kappa ** np.arange(nodes.size)
+            weights = np.linalg.solve(powers[0].T, powers[1])
+            value = sum(w * A for w, A in zip(weights, values, strict=False))
             value = value if np.imag(s) else value.real
             value[:f] /= factor
             value[:f, X] *= factor
@@ -237,28 +234,16 @@ class Reduction:
             )
 
 
-def lagrange(nodes: Array, x: complex) -> NDArray[np.complex128]:
-    """Weights of the values at some nodes for their polynomial at x, shape (nodes,)."""
-    apart = nodes[:, None] - nodes[None]
-    np.fill_diagonal(apart, 1.0)
-    others = np.where(np.eye(nodes.size, dtype=bool), 1.0, x - nodes[None])
-    return np.asarray(np.prod(others / apart, axis=1) + 0j)
-
-
 def proportional(
     K: sp.csr_matrix, C: sp.csr_matrix | None, M: sp.csr_matrix
 ) -> tuple[float, float] | None:
     """Alpha and beta of a damping C = alpha M + beta K, both 0 without; None of any other one."""
     if C is None:
         return 0.0, 0.0
-    gram = np.array([[(A.multiply(B)).sum() for A in (M, K)] for B in (M, K)])
-    scale = np.sqrt(np.diag(gram))
-    alpha, beta = (
-        np.linalg.solve(
-            gram / np.outer(scale, scale), [(A.multiply(C)).sum() for A in (M, K)] / scale
-        )
-        / scale
-    )
+    x = np.random.default_rng(0).standard_normal(M.shape[0])
+    columns = np.column_stack([M @ x, K @ x])
+    scale = np.linalg.norm(columns, axis=0)
+    alpha, beta = np.linalg.lstsq(columns / scale, C @ x, rcond=None)[0] / scale
     rest = abs(C - alpha * M - beta * K).max()
     return (float(alpha), float(beta)) if rest <= PROPORTIONAL * abs(C).max() else None
 

@@ -1,21 +1,33 @@
-"""The reduced problem of one sample: its bodies with the contact and friction that act in it."""
+"""The reduced problem of one sample: contact and friction that act in it, and errors of its zeros.
+
+To first order a change dD moves a zero by [eta; b]' dD [J y; a] / (b'T'a). Close to
+another zero that is not the size of the move: two zeros that merge move by its root (Kato,
+Perturbation Theory for Linear Operators, 1980, chapter II).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
+
 from ..eigensolvers.arnoldi import times
-from ..modes import Complex
 from .block_matrix import Chosen, assembled
 from .component import AtPoint, Placed
-from .contact_rows import ContactForces, ContactLinearisation, Rows
-from .sample_problem import Quotient, SampleProblem
+from .contact_rows import ContactLinearisation, Rows
+from .polynomials import Zeros
+from .sample_problem import ROUND_OFF, Quotient, SampleProblem
 
-Array = NDArray[np.float64]
+# First-order moves larger than this share of the distance to the next zero are not of first order.
+CLOSE = 0.125
+
+# An estimate is a few sizes of terms added up; it is stated with this factor.
+SAFETY = 2.0
 
 
 class Sample(SampleProblem):
@@ -26,7 +38,7 @@ class Sample(SampleProblem):
         x: point of the box, shape (d,).
         views: each of them at the sample's point of the box.
         closed: closed contact elements.
-        forces: J of the closed elements.
+        contact: what acts in them, in units of the band's end.
     """
 
     # The quotient corrects y and eta by residuals with E_0 in double precision.
@@ -59,18 +71,19 @@ class Sample(SampleProblem):
             closed = np.arange(min(1, w.size))
         self.bodies, self.x, self.views = bodies, x, views
         self.closed: Chosen = Chosen.of(bodies, closed, w.size)
-        self.forces = ContactForces.of(contact, w, closed, rows, omega)
+        self.contact = contact.scaled(w, closed, omega)
         b = assembled(bodies, views, rows, self.closed)
-        E = [np.hstack([*self.forces.blocks_after(A)]) for A in b.D]
+        E = [np.hstack([*self.contact.blocks_after(A, rows)]) for A in b.D]
         E[0][np.diag_indices(len(E[0]))] += 1.0
-        forced = np.array([np.hstack([*self.forces.blocks_after(A)]) for A in b.lead])
+        forced = np.array([np.hstack([*self.contact.blocks_after(A, rows)]) for A in b.lead])
         super().__init__(E, b.source, forced, b.own, rows)
 
     def polynomial_errors(self, z: Complex, q: Quotient) -> Array:
         """Estimated errors of z that the polynomials of the bodies make, all of them added."""
         c, f, g = self.closed.count, len(self.rows.followed), len(self.rows.acting)
         total = np.zeros(z.size)
-        loads = np.vstack([self.forces(self.gaps_and_rates(z, q.y)), q.right])
+        u = self.gaps_and_rates(z, q.y)
+        loads = np.vstack([self.contact.forces(u, self.rows), q.right])
         w = self.rows.variable(z)
         for number, (body, view) in enumerate(zip(self.bodies, self.views, strict=True)):
             # Where no kept mode couples, D has no rows and columns of them.
@@ -88,8 +101,8 @@ class Sample(SampleProblem):
             right[np.r_[acting, g * m + np.arange(modes.size)]] = loads[np.r_[there, g * c + modes]]
 
             def terms(
-                error: NDArray[np.float32], left: NDArray[Any] = left,
-                rows: NDArray[np.intp] = rows, right: NDArray[Any] = right,
+                error: NDArray[np.float32], left: AnyArray = left,
+                rows: Index = rows, right: AnyArray = right,
             ) -> Complex:  # fmt: skip
                 """[eta; b]' A [J u; a] of several matrices A, shape (matrices, zeros)."""
                 picked = error[:, rows].reshape(-1, error.shape[2])
@@ -104,3 +117,76 @@ class Sample(SampleProblem):
                 largest = np.maximum(largest, np.sum(size, axis=0))
             total += view.growth * largest
         return np.asarray(total / np.abs(q.slope))
+
+
+@dataclass(frozen=True, slots=True)
+class Corrected:
+    """Zeros after the quotient.
+
+    Attributes:
+        zeros: with vectors.
+        slope: modulus of b' T'(z) a for these unit vectors, shape (zeros,).
+        error: what is stated.
+    """
+
+    zeros: Zeros
+    slope: Array
+    error: Array
+
+
+def corrected(found: Zeros, q: Quotient, interpolated: Array) -> Corrected:
+    """Zeros and errors by the two-sided quotient on all vectors together.
+
+    With the vectors A and B of all zeros found, B' T(z) A is diagonal but for small products, those
+    of the quotient. The eigenvalues of diag(z) - products / slope hold for close zeros too, which a
+    quotient of one vector moves too far; its real form decides whether two of them are real or
+    conjugate.
+
+    Args:
+        found: zeros of the expanded T.
+        q: their quotient.
+        interpolated: estimated errors of the polynomials in the frequency and over the box.
+    """
+    z, number = found.z, found.z.size
+    if not number:
+        return Corrected(found, np.zeros(0), np.zeros(0))
+    pairs = np.flatnonzero(z.imag)
+    P, Q = q.products
+    products = np.block([[P, Q.conj()[:, pairs]], [Q[pairs], P.conj()[np.ix_(pairs, pairs)]]])
+    slope = np.r_[q.slope, q.slope[pairs].conj()]
+    # From coordinates along a and its conjugate to those along its real and imaginary part.
+    U = np.eye(slope.size, dtype=complex)
+    for conjugate, one in enumerate(pairs, number):
+        U[np.ix_([one, conjugate], [one, conjugate])] = [[1, 1], [1j, -1j]]
+    back = np.linalg.inv(U)
+    H = np.diag(np.r_[z, z[pairs].conj()]) - products / slope[:, None]
+    w, L, X = la.eig((U @ H @ back).real, left=True, check_finite=False)
+    some = np.flatnonzero(w.imag >= 0)
+    X, L = back @ X[:, some], (L[:, some].conj().T @ U).T
+    right = np.hstack([found.right, found.right[:, pairs].conj()]) @ X
+    left = np.hstack([found.left, found.left[:, pairs].conj()]) @ (L / slope[:, None])
+    sizes = la.norm(right, axis=0), la.norm(left, axis=0)
+    right, left = right / sizes[0], left / sizes[1]
+    new = np.maximum(np.abs(np.sum(L * X, axis=0)) / (sizes[0] * sizes[1]), 1e-300)
+    # The old zero that each new one is most of: its first-order moves, but for the slope.
+    of = np.r_[np.arange(number), pairs][np.abs(X).argmax(axis=0)]
+    others = np.delete(found.every, found.chosen)
+    others = others[~np.isin(others, z[pairs].conj())]
+    every = np.r_[w, others]
+    gap, second = distances(every, some), distances(every, some, 2)
+    first = (q.unsolved + interpolated) * np.abs(q.slope) + ROUND_OFF
+    # What zeros other than the nearest one would add to the second order.
+    coupling = la.norm(products, axis=0) * la.norm(products, axis=1)
+    first = (first[of] + coupling[of] / second) / new
+    zeros = Zeros(every, some, right, left)
+    simple, close = first + first**2 / gap, first + np.sqrt(first * gap)
+    return Corrected(zeros, new, SAFETY * np.where(first < CLOSE * gap, simple, close))
+
+
+def distances(z: Complex, chosen: Index, number: int = 1) -> Array:
+    """Distance of some zeros to the next of all zeros, or to the next but one."""
+    apart = np.abs(z[chosen][:, None] - z[None, :])
+    apart[np.arange(chosen.size), chosen] = np.inf
+    if apart.shape[1] <= number:
+        return np.full(chosen.size, np.inf)
+    return np.asarray(np.maximum(np.partition(apart, number - 1, axis=1)[:, number - 1], 1e-300))

@@ -10,7 +10,7 @@ gives, exactly,
 w = kappa + sigma where bodies are not damped, also where contact forces follow rates: D has half as
 many coefficients then. Without y and u it is T(z) a = 0. T is expanded in powers of z; its zeros
 come from a companion matrix, and the two-sided Rayleigh quotient with all coefficients corrects
-them (``errors``): b'T(z)a is evaluated with y and the left motions eta solved for, which makes its
+them (``sample``): b'T(z)a is evaluated with y and the left motions eta solved for, which makes its
 error of second order (Schwetlick and Schreiber, Linear Algebra Appl. 436, 2012; Guettel and
 Tisseur, Acta Numerica 26, 2017, doi:10.1017/S0962492917000034).
 
@@ -22,25 +22,19 @@ coefficients of u are u_m = Lambda_0 y_m + Lambda' y_m-1, and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.iteration import remaining
 
 from ..eigensolvers.arnoldi import on_parts, times
-from ..modes import Complex
 from .contact_rows import SIGMA, Rows
-from .polynomials import Coefficients, Zeros, applied, zeros
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from .polynomials import Coefficients, Zeros, applied
 
 # Steps at most of the motions y and eta.
 STEPS = 8
@@ -92,6 +86,9 @@ class SampleProblem:
         forced: coefficients of forced(w).
         own: coefficients of own(w).
         rows: blocks of contact rows.
+        gaps: gaps among the motions that contact forces follow; slips come after them.
+        y: coefficients of y as a function of a, in powers of z.
+        T: those of T(z), as many as it takes.
     """
 
     # Precision of the LU factor of 1 + (E_0 - 1) Lambda_0.
@@ -100,7 +97,7 @@ class SampleProblem:
     def __init__(
         self, E: Sequence[Array], source: Array, forced: Coefficients, own: Array, rows: Rows
     ):
-        """Take the coefficients.
+        """Take the coefficients, and expand T.
 
         Args:
             E: see above.
@@ -108,48 +105,69 @@ class SampleProblem:
             forced: likewise.
             own: likewise.
             rows: blocks of contact rows.
+
+        Raises:
+            InaccurateResult: the series of T does not settle.
         """
         self.E, self.source, self.forced, self.own = E, source, forced, own
         self.rows: Rows = rows
+        self.gaps: int = rows.gaps(len(E[0]))
+        self._lu: tuple[AnyArray, AnyArray] | None = None
+        if len(E[0]):
+            A: AnyArray = E[0].astype(self._precision)
+            A[:, self.gaps :] *= rows.shift
+            A[np.diag_indices(len(A))] += np.where(np.arange(len(A)) < self.gaps, 0, 1 - rows.shift)
+            self._lu = la.lu_factor(A, overwrite_a=True, check_finite=False)
+        self.y, self.T = self._expanded()
 
-    @property
-    def T(self) -> Array:
-        """Coefficients of the expanded T, as many as it takes."""
-        return self._expanded[1]
-
-    @cached_property
-    def _lu(self) -> tuple[NDArray[Any], NDArray[Any]] | None:
-        """Factor of 1 + (E_0 - 1) Lambda_0."""
-        if not len(self.E[0]):
-            return None
-        A: NDArray[Any] = self.E[0].astype(self._precision)
-        shift = self.rows.shift
-        A[:, self.gaps :] *= shift
-        A[np.diag_indices(len(A))] += np.where(np.arange(len(A)) < self.gaps, 0.0, 1 - shift)
-        return la.lu_factor(A, overwrite_a=True, check_finite=False)
-
-    @property
-    def gaps(self) -> int:
-        """Gaps among the motions that contact forces follow; slips come after them."""
-        return self.rows.gaps(len(self.E[0]))
-
-    @cached_property
     def _expanded(self) -> tuple[Array, Array]:
-        return expanded(self.E, self.source, self.forced, self.own, self.rows, self._static)
+        """Coefficients of y as a function of a, and of T."""
+        E, rows = self.E, self.rows
+        y: list[Array] = []
+        u: list[Array] = []
+        T: list[Array] = []
+        sizes: list[float] = []
+        gaps, rates = self.gaps, rows.rates
+        end = float(np.hypot(1.0, rows.shift) if rates else 1.0 + SIGMA)
+        # In powers of z.
+        source, own = (
+            np.einsum("mn,n...->m...", rows.powers(len(A)), A) for A in (self.source, self.own)
+        )
+        powers = rows.powers(len(E))
 
-    def zeros(self, reach: float, near: Callable[[Complex], Index]) -> Zeros:
-        """Zeros of T, none missing up to a modulus; vectors of those that ``near`` chooses."""
-        return zeros(self.T, 2 if self.rows.rates else 1, reach, near)
+        def times_u(A: Coefficients, m: int, first: int) -> Iterator[Array]:
+            """A_n (w^n u)_m of n = first and those after it."""
+            for n in range(first, min(m, len(A) - 1) + 1):
+                terms = [k for k in range(n, m + 1) if k < len(powers) and powers[k, n]]
+                x = sum(powers[k, n] * u[m - k] for k in terms)
+                yield A[n] @ np.asarray(x, A[n].dtype)
+
+        for m in range(MOST + 1):
+            rhs = source[m] if m < len(source) else np.zeros_like(source[0])
+            slips = y[-1][gaps:] if y else 0 * rhs[gaps:]
+            rhs[gaps:] += slips
+            rhs -= E[0][:, gaps:] @ slips
+            for product in times_u(E, m, 1):
+                rhs -= product
+            y.append(self.solve(rhs))
+            u.append(np.vstack([y[m][:gaps], rows.shift * y[m][gaps:] + slips]))
+            T.append(own[m] if m < len(own) else np.zeros_like(own[0]))
+            T[m] += sum(times_u(self.forced, m, 0))
+            sizes.append(float(la.norm(T[m])) * end**m)
+            if m >= LEAST[rates] and max(sizes[-2 if rates else -1 :]) <= SETTLED * sizes[0]:
+                return np.array(y), np.array(T)
+        raise InaccurateResult(
+            "the motions of the contact are no short series in lambda: its forces that follow rates"
+            " (damping of sliding mu p / V, or falling friction) are too strong for the reduced"
+            ' model; use stability.method = "full", or stability.on_tolerance = "full order"'
+        )
 
     def quotient(self, found: Zeros) -> Quotient:
         """The two-sided quotient with all coefficients, for some zeros."""
         z, a, b = found.z, found.right, found.left
-        w = self.rows.variable(z)
-        count, gaps = len(self.E), self.gaps
-        powers = np.arange(count)[:, None]
-        kept = self._terms(self.own, a, b)
+        w, gaps = self.rows.variable(z), self.gaps
         source = [times(A, a) for A in self.source]
-        y, last = self.motions(z, a), np.full(z.size, np.inf)
+        y, last = applied(self.y, z, a), np.full(z.size, np.inf)
         forced = applied(self.forced, w, b, transpose=True)
         eta = self.solve(self.gaps_and_rates(z, forced), 1)
         if gaps < len(eta):
@@ -165,12 +183,6 @@ class SampleProblem:
             seen = forced + self.left_response(z, eta)
             change = self.solve(self.gaps_and_rates(z, seen) - eta, 1)
             eta = eta + change
-            terms = kept + self._terms(self.forced, u, b)
-            terms += np.array([_paired(eta, x) for x in moved])
-            slope = self.rows.slope(z) * np.sum((powers * terms)[1:] * w ** powers[:-1], axis=0)
-            # Lambda depends on z, too.
-            slope = slope + _paired(seen[gaps:], y[gaps:])
-            slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
             # eta gains by both steps what it gained by this one, y what it did.
             gained = np.abs(_paired(change, unsolved))
             size = la.norm(change, axis=0) / np.maximum(la.norm(eta, axis=0), 1e-300)
@@ -178,16 +190,38 @@ class SampleProblem:
             if np.all(left <= ROUND_OFF):
                 break
             y, last = y + self.solve(unsolved), np.maximum(gained, 1e-300)
+        slope = self.slope(z, (a, u, y), (b, eta, seen), moved)
+        slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
         rest = applied(self.own, w, a) + applied(self.forced, w, u)
         products = b.T @ rest + eta.T @ unsolved, b.conj().T @ rest + eta.conj().T @ unsolved
         return Quotient(products, slope, left / np.abs(slope), y, a, np.vstack([eta, b]))
 
-    def _terms(self, A: Coefficients, x: Complex, b: Complex) -> Complex:
-        """Coefficients of b' A(w) x, as many as D has, shape (coefficients, zeros)."""
-        terms = np.zeros((len(self.E), x.shape[1]), complex)
-        for n, coefficient in enumerate(A):
-            terms[n] = _paired(b, times(coefficient, x))
-        return terms
+    def slope(
+        self,
+        z: Complex,
+        right: tuple[Complex, Complex, Complex],
+        left: tuple[Complex, Complex, Complex],
+        moved: Sequence[Complex],
+    ) -> Complex:
+        """The slope b' T'(z) a of some vectors.
+
+        Args:
+            z: eigenvalues.
+            right: a, u and y.
+            left: b, eta and forced(w)'b + (1 - E(w))'eta.
+            moved: coefficients of source(w) a - E(w) u.
+        """
+        (a, u, y), (b, eta, seen) = right, left
+        w, total = self.rows.variable(z), np.zeros(z.size, complex)
+        for n in range(1, len(moved)):
+            term = _paired(eta, moved[n])
+            for A, x in ((self.own, a), (self.forced, u)):
+                if n < len(A):
+                    term = term + _paired(b, times(A[n], x))
+            total += n * w ** (n - 1) * term
+        # Lambda depends on z, too.
+        rates = _paired(seen[self.gaps :], y[self.gaps :])
+        return np.asarray(self.rows.slope(z) * total + rates)
 
     def gaps_and_rates(self, z: Complex, y: Complex) -> Complex:
         """Gaps, and rates of slips: u = Lambda y."""
@@ -201,78 +235,18 @@ class SampleProblem:
         """(1 - E)' eta, shape (followed rows, zeros); with the first coefficients, all if None."""
         return eta - applied(self.E[:first], self.rows.variable(z), eta, True, kind)
 
-    def motions(self, z: Complex, a: Complex) -> Complex:
-        """Motions y of some a, as far as they are expanded, shape (followed rows, zeros)."""
-        return applied(self._expanded[0], z, a)
-
-    def solve(self, x: Complex, trans: int = 0) -> Complex:
+    def solve(self, x: AnyArray, trans: int = 0) -> AnyArray:
         """Solve with 1 + (E_0 - 1) Lambda_0, the matrix of y at z = 0, or with its transpose."""
-        return on_parts(lambda v: self._static(v, trans), x)
-
-    def _static(self, x: Array, trans: int = 0) -> Array:
-        """The same of real columns."""
-        if self._lu is None:
+        if (lu := self._lu) is None:
             return x
-        x = x.astype(self._precision)
-        return np.asarray(la.lu_solve(self._lu, x, trans=trans, check_finite=False), float)
+
+        def real(x: Array) -> Array:
+            found = la.lu_solve(lu, x.astype(self._precision), trans=trans, check_finite=False)
+            return np.asarray(found, float)
+
+        return on_parts(real, x) if np.iscomplexobj(x) else real(x)
 
 
 def _paired(left: Complex, right: Complex) -> Complex:
     """Products of columns, not conjugated."""
     return np.asarray(np.einsum("im,im->m", left, right))
-
-
-def expanded(
-    E: Sequence[Array], source: Array, forced: Coefficients, own: Array, rows: Rows,
-    solve: Callable[[Array], Array],
-) -> tuple[Array, Array]:  # fmt: skip
-    """Coefficients of y as a function of a, and of T, as many as it takes.
-
-    Args:
-        E: coefficients in powers of w.
-        source: likewise.
-        forced: likewise.
-        own: likewise.
-        rows: blocks of contact rows.
-        solve: solves with the matrix of y_m.
-
-    Raises:
-        InaccurateResult: the series does not settle.
-    """
-    y: list[Array] = []
-    u: list[Array] = []
-    T: list[Array] = []
-    sizes: list[float] = []
-    gaps, rates = rows.gaps(len(E[0])), rows.rates
-    end = float(np.hypot(1.0, rows.shift) if rates else 1.0 + SIGMA)
-    # In powers of z.
-    source, own = (np.einsum("mn,n...->m...", rows.powers(len(A)), A) for A in (source, own))
-    powers = rows.powers(len(E))
-
-    def times_u(A: Coefficients, m: int, first: int) -> Iterator[Array]:
-        """A_n (w^n u)_m of n = first and those after it."""
-        for n in range(first, min(m, len(A) - 1) + 1):
-            terms = [k for k in range(n, m + 1) if k < len(powers) and powers[k, n]]
-            x = sum(powers[k, n] * u[m - k] for k in terms)
-            yield A[n] @ np.asarray(x, A[n].dtype)
-
-    for m in range(MOST + 1):
-        rhs = source[m] if m < len(source) else np.zeros_like(source[0])
-        slips = y[-1][gaps:] if y else 0 * rhs[gaps:]
-        rhs[gaps:] += slips
-        rhs -= E[0][:, gaps:] @ slips
-        for product in times_u(E, m, 1):
-            rhs -= product
-        y.append(solve(rhs))
-        u.append(np.vstack([y[m][:gaps], rows.shift * y[m][gaps:] + slips]))
-        T.append(own[m] if m < len(own) else np.zeros_like(own[0]))
-        T[m] += sum(times_u(forced, m, 0))
-        sizes.append(float(la.norm(T[m])) * end**m)
-        if m >= LEAST[rates] and max(sizes[-2 if rates else -1 :]) <= SETTLED * sizes[0]:
-            return np.array(y), np.array(T)
-    raise InaccurateResult(
-        "the motions of the contact are no short series in lambda: its forces that follow rates"
-        " (damping of sliding mu p / V, or falling friction) are too strong for the reduced model;"
-        ' use stability.method = "full", or'
-        ' stability.on_tolerance = "full order"'
-    )

@@ -20,20 +20,17 @@ shift of the reduced model S itself serves as an operator (``Complement``).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.schur import InterfaceFactor
 from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers.arnoldi import plus
 from .contact_rows import SIGMA, Rows
-
-Array = NDArray[np.float64]
 
 # Distance of an eigenvalue in kappa below which its kept mode is solved for.
 NEAR = 0.02
@@ -78,7 +75,7 @@ class SeenBody:
     rows: Rows
     coupled: bool
 
-    def at(self, s: complex) -> NDArray[Any]:
+    def at(self, s: complex) -> AnyArray:
         """[O; W'P] S [I', P W, F] at lambda = s, O the rows that contact forces follow.
 
         Returns:
@@ -112,7 +109,7 @@ class SeenBody:
         factor.destroy()
         return not negative
 
-    def _seen(self, P: sp.csr_matrix, factor: _Factor, acting: sp.csr_matrix) -> NDArray[Any]:
+    def _seen(self, P: sp.csr_matrix, factor: _Factor, acting: sp.csr_matrix) -> AnyArray:
         """The same from a factor of P."""
         m, c = self.W.shape[1], self.interface["N"].shape[0]
         starts = c * np.array([self.rows.acting.index(name) for name in self.rows.followed])
@@ -161,7 +158,7 @@ class _Factor:
         self._real = not np.iscomplexobj(P)
         if self._real:
             self._factor = InterfaceFactor(P, rows, self.symmetric)
-            self.flexibility: NDArray[Any] = self._factor.flexibility
+            self.flexibility: AnyArray = self._factor.flexibility
             return
         A, B, sign = P.real, P.imag, -1.0 if self.symmetric else 1.0
         whole = sp.bmat([[A, -B], [sign * B, sign * A]], format="csr")
@@ -169,7 +166,7 @@ class _Factor:
         G, r = self._factor.flexibility, rows.shape[0]
         self.flexibility = G[:r, :r] + 1j * G[r:, :r]
 
-    def solve(self, b: Array, transpose: bool = False) -> NDArray[Any]:
+    def solve(self, b: Array, transpose: bool = False) -> AnyArray:
         """P^-1 b of a real block, or P^-T b."""
         if self._real:
             return self._factor.solve(b, transpose)

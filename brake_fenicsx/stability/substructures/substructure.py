@@ -13,21 +13,16 @@ other side of the disc is often the mirror image of the first one; then one of t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from brake_fenicsx.errors import InaccurateResult
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from brake_fenicsx.arguments import AnyArray, Array, Index
 
 # Coordinates, relative to the size of a body, and matrix entries, relative to the largest, of two
 # mirror images differ by round-off.
@@ -138,7 +133,7 @@ class Substructure:
         mean = np.average(zeta, weights=[part.mass.sum() for part in self.ratios])
         return float(mean) * np.array([2 * omega, 1 / (4 * omega)])
 
-    def arrays(self) -> dict[str, NDArray[Any]]:
+    def arrays(self) -> dict[str, AnyArray]:
         """What ``from_arrays`` makes the body of again; coordinates are left out."""
         matrices = {"K": self.K, "M": self.M, **self.interface}
         matrices |= {f"change{j}": A for j, A in self.changes.items()}
@@ -151,7 +146,7 @@ class Substructure:
         return out
 
     @classmethod
-    def from_arrays(cls, arrays: dict[str, NDArray[Any]]) -> Substructure:
+    def from_arrays(cls, arrays: dict[str, AnyArray]) -> Substructure:
         """The body, on the same memory: the arrays may be mapped from a file."""
         columns = arrays["dofs"].size
 
@@ -195,13 +190,9 @@ def split_substructures(
 
     Returns:
         The bodies, in the order of their first dofs.
-
-    Raises:
-        InaccurateResult: the bodies are not all of the brake.
     """
-    square = {"K": K, "M": M, **{f"change {j}": A for j, A in enumerate(changes)}}
-    square |= {} if C is None else {"C": C}
-    count, label = connected_components(sum(map(abs, square.values())), directed=False)
+    square = [K, M, *changes, *([] if C is None else [C])]
+    count, label = connected_components(sum(map(abs, square)), directed=False)
     M = M.copy()
     # The three components of a displacement share no mass: two thirds of the pattern are zeros.
     M.eliminate_zeros()
@@ -231,35 +222,7 @@ def split_substructures(
                 None if points is None else points[dofs],
             )
         )  # fmt: skip
-    _check_whole(square, interface, found)
     return found
-
-
-def _check_whole(
-    square: Mapping[str, sp.csr_matrix],
-    interface: Mapping[str, sp.csr_matrix],
-    bodies: Sequence[Substructure],
-) -> None:
-    """Refuse bodies that leave out a part of a matrix of the brake.
-
-    Raises:
-        InaccurateResult: the matrix, and how much of it lies outside of the bodies.
-    """
-    held = {
-        "K": [b.K for b in bodies], "M": [b.M for b in bodies],
-        "C": [b.C for b in bodies if b.C is not None],
-        **{name: [b.interface[name] for b in bodies] for name in interface},
-    }  # fmt: skip
-    for name, A in {**square, **interface}.items():
-        blocks = held.get(name) or [
-            b.changes[j] for b in bodies for j in b.changes if name == f"change {j}"
-        ]
-        whole, kept = abs(A).sum(), sum(abs(block).sum() for block in blocks)
-        if not abs(whole - kept) <= SAME_ENTRY * whole:
-            raise InaccurateResult(
-                f"substructures: {whole - kept:.3g} of {whole:.3g}, the sum of the entries of"
-                f" {name}, lies outside of them; use the method 'full'"
-            )
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,15 +1,14 @@
 """Right and left vectors of single modes of a sample, and their motions at the contact elements.
 
 The zeros of the expanded T(z) come with its own vectors, which derivatives would feel to first
-order. With all of D (``problem``) T(z) a = own a + forced u, and T(z)' b = own' b + source' eta;
+order. With all of D (``sample_problem``) T(z) a = own a + forced u, T(z)' b = own' b + source' eta;
 the corrections come from the expanded T, bordered so that it is regular (Guettel and Tisseur, Acta
 Numerica 26, 2017, doi:10.1017/S0962492917000034, section 4). The motions of the left vector along
 the rows that forces act along are lead' b - D' eta.
 
-Displacements of modes of the reduced model, with all that the kept modes leave out.
-
-The left vector is the mode of the transposed problem: bodies transposed, and forces along the rows
-whose motions are followed.
+Displacements of modes of the reduced model, with all that the kept modes leave out: the left vector
+is the mode of the transposed problem, bodies transposed, and forces along the rows whose motions
+are followed.
 """
 
 from __future__ import annotations
@@ -22,18 +21,17 @@ from mpi4py import MPI
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.iteration import Steps, sizes
 
 from ..eigensolvers.arnoldi import on_parts, times
-from ..modes import Complex
 from .block_matrix import Chosen, assembled
-from .component import Array, Component, Index, Placed
+from .component import Component, Placed
 from .contact_rows import Rows
-from .polynomials import Coefficients, applied
+from .polynomials import applied
 from .sample import Sample
 from .seen_body import Complement
 
@@ -120,7 +118,7 @@ def sharpened(sample: Sample, z: Complex, a: Complex, b: Complex) -> tuple[Vecto
         a, b = np.where(added, a + da, a), np.where(added, b + db, b)
 
 
-def _bordered(sample: Sample, z: complex, a: Complex, b: Complex) -> tuple[Complex, NDArray]:
+def _bordered(sample: Sample, z: complex, a: Complex, b: Complex) -> tuple[Complex, AnyArray]:
     """Factor of the expanded T(z) with a border that makes it regular."""
     T = np.tensordot(z ** np.arange(len(sample.T)), sample.T, 1)
     T = np.block([[T, b.conj()[:, None]], [a.conj()[None], np.zeros((1, 1))]])
@@ -130,7 +128,7 @@ def _bordered(sample: Sample, z: complex, a: Complex, b: Complex) -> tuple[Compl
 def right_motions(
     sample: Sample, z: Complex, a: Complex, start: Complex | None = None
 ) -> tuple[Complex, Array]:
-    """Motions y that contact forces follow, see ``problem``, from others nearby; and errors."""
+    """Motions y that contact forces follow, from others nearby, and their errors."""
     w = sample.rows.variable(z)
     source = applied(sample.source, w, a)
 
@@ -138,7 +136,7 @@ def right_motions(
         u = sample.gaps_and_rates(z, y)
         return sample.solve(source + u - y - applied(sample.E, w, u, kind=float))
 
-    return _iterated(sample.motions(z, a) if start is None else start, step)
+    return _iterated(applied(sample.y, z, a) if start is None else start, step)
 
 
 def left_motions(
@@ -172,20 +170,12 @@ def _iterated(y: Complex, step: Callable[[Complex], Complex]) -> tuple[Complex, 
 def slopes(sample: Sample, z: Complex, v: Vectors) -> Complex:
     """Slope b' T'(z) a of each mode."""
     w, u = sample.rows.variable(z), sample.gaps_and_rates(z, v.y)
-
-    def changed(A: Coefficients, x: Complex) -> Complex:
-        terms = [n * w ** (n - 1) * times(B, x, float) for n, B in enumerate(A) if n]
-        return np.asarray(sum(terms, np.zeros((len(A[0]), z.size), complex)))
-
-    kept = changed(sample.own, v.a) + changed(sample.forced, u)
-    seen = changed(sample.source, v.a) - changed(sample.E, u)
-    of_w = np.sum(v.b * kept, axis=0) + np.sum(v.eta * seen, axis=0)
-    # Lambda depends on z, too.
-    rates = applied(sample.forced, w, v.b, transpose=True) + sample.left_response(
-        z, v.eta, kind=float
-    )
-    of_rates = np.sum((rates * v.y)[sample.gaps :], axis=0)
-    return np.asarray(sample.rows.slope(z) * of_w + of_rates)
+    moved = [-times(A, u, float) for A in sample.E]
+    for n, A in enumerate(sample.source):
+        moved[n] = moved[n] + times(A, v.a)
+    seen = applied(sample.forced, w, v.b, transpose=True)
+    seen = seen + sample.left_response(z, v.eta, kind=float)
+    return sample.slope(z, (v.a, u, v.y), (v.b, v.eta, seen), moved)
 
 
 def motions_of_elements(
@@ -206,7 +196,7 @@ def motions_of_elements(
     """
     w, every = rows.variable(z), Chosen.of(sample.bodies, np.arange(elements), elements)
     given = sample.bodies, sample.views, rows
-    force = sample.forces(sample.gaps_and_rates(z, v.y))
+    force = sample.contact.forces(sample.gaps_and_rates(z, v.y), rows)
     b = assembled(*given, every, sample.closed)
     right = applied(b.source, w, v.a) - applied(b.D, w, force, kind=float)
     b = assembled(*given, sample.closed, every)
@@ -297,7 +287,7 @@ def _driven(
         (force, error), along = left_motions(sample, z, a), rows.followed
     else:
         y, error = right_motions(sample, z, a)
-        force, along = sample.forces(sample.gaps_and_rates(z, y)), rows.acting
+        force, along = sample.contact.forces(sample.gaps_and_rates(z, y), rows), rows.acting
     interface = component.interface(sample.x)
     I = sp.vstack([interface[name] for name in along]).tocsr()
     for number, body in enumerate(sample.bodies):
