@@ -24,7 +24,6 @@ from brake_fenicsx.scene import Scene
 from brake_fenicsx.stability import Modes
 from brake_fenicsx.stability.modes import relative_errors
 from brake_fenicsx.stability.substructures import ContactLinearisation
-from brake_fenicsx.stability.substructures.parameter_line import Basis
 
 from .states import AXES, read_columns, read_matrix, state_values, units_of_state
 
@@ -62,10 +61,10 @@ class StateModes:
         """
         n = self._signs.size
         outcome, missed, rows = [""] * n, np.zeros(n, int), list[Any]()
-        starts, lines = {1.0: eq.g}, dict[bytes, Basis]()
+        starts = {1.0: eq.g}
         for i, sign in enumerate(self._signs):
             try:
-                there, found = self.modes(sample, i, starts.get(sign), lines)
+                there, found = self.modes(sample, i, starts.get(sign))
             except (BrakeError, np.linalg.LinAlgError) as error:
                 outcome[i] = str(error)
                 continue
@@ -82,14 +81,13 @@ class StateModes:
         arrays = {name: table[name] for name, _ in ARRAYS}
         return {"state_outcome": np.array(outcome), "state_missed": missed, **arrays}
 
-    def modes(self, sample: SampleInput, i: int, start: Any, lines: dict[bytes, Basis]) -> Any:
+    def modes(self, sample: SampleInput, i: int, start: Any = None) -> Any:
         """Equilibrium and modes of a sample in a state.
 
         Args:
             sample: its inputs in the scene's own state.
             i: number of the state, from 0.
             start: gaps of an equilibrium nearby [m], or None.
-            lines: vectors of other states of the sample, by the point of its bodies.
 
         Raises:
             BrakeError: there is no equilibrium, or no brake has the numbers of the state.
@@ -100,9 +98,8 @@ class StateModes:
         here, eq = self._equilibria.of(turned, True, start)
         rates = here.brake.rates(friction, eq.p)
         contact = ContactLinearisation.of(eq.k_vibration, here.friction.mu, *rates)
-        model, point = self._models.reduction.of(here), here.brake.point
-        line = lines.setdefault(point.tobytes(), Basis(stability.tolerance))
-        return eq, line.modes(model, point, contact, stability.zeta_max)
+        model = self._models.reduction.of(here)
+        return eq, model.modes(here.brake.point, contact, stability.zeta_max)
 
     def _in_state(self, sample: SampleInput, i: int) -> SampleInput:
         """Inputs of a sample in a state; what is random keeps its ratio to the scene's value."""

@@ -65,7 +65,7 @@ def model(scene):
 def in_state(model, i, k=0, gap=True):
     work = model.study.beside["states of the brake"]
     kept, work._gaps = work._gaps, work._gaps if gap else [0.0] * 4
-    found = work.modes(model.study.sample(("multi-scale", k)), i, None, {})
+    found = work.modes(model.study.sample(("multi-scale", k)), i)
     work._gaps = kept
     return found
 
