@@ -71,6 +71,7 @@ class Extra:
         samples: what is computed beside the modes of each sample -> ``work(scene, models)``, an
             object with the method ``of(sample, equilibrium, modes, partner, reduced)``, which gives
             arrays to store; the reduced model serves it.
+        of_squeal: whether it depends on ``stability.threshold``, beyond which modes squeal.
         band: kept modes of the reduced model reach this multiple of the band for it.
         arrays: how names of these arrays begin.
         stage: ``stage(run, study)``, after the results; collective; it gives a ``RowTable`` by
@@ -91,6 +92,7 @@ class Extra:
     bodies: str = ""
     nodes: str = ""
     samples: Mapping[str, str] = field(default_factory=dict)
+    of_squeal: bool = False
     band: float = 0.0
     arrays: tuple[str, ...] = ()
     stage: str = ""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx import __version__
-from brake_fenicsx.extensions import beside_samples, extras
+from brake_fenicsx.extensions import extras, named
 from brake_fenicsx.folder.files import digest
 
 from . import LawTable, Samples, Scene
@@ -67,7 +67,7 @@ def result_digest(scene: Scene) -> str:
     for name, f, _ in _keys_of_extras(scene, "aside"):
         table[name] = {k: v for k, v in table.get(name, {}).items() if k != f}
     # What counts as squeal changes no result of a sample but what extras make of modes that squeal.
-    if "stability" in table and not beside_samples(scene):
+    if "stability" in table and not any(extra.of_squeal for extra in named(scene)):
         table["stability"] = {k: v for k, v in table["stability"].items() if k != "threshold"}
     # The reduced model of all samples reaches over the values of a sweep that changes the bodies.
     swept = scene.sweep.parameters if scene.sweep else {}

@@ -1,72 +1,209 @@
-"""What becomes of the samples in the states of a brake, as stored beside their modes."""
+"""What becomes of samples and of stops in the states of a brake: shares, and tables of a run.
+
+Modes are those that grow, in a frame with the columns sample, state, family (-1: none),
+frequency_hz and damping; events are stops that squealed, see ``read_events``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from .matrix import Array, Frame
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.results.ensemble_statistics import wilson
+from brake_fenicsx.results.run import read_run
+from brake_fenicsx.results.tables import RowTable
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.digest import in_effect
+
+from .scores import scores
+from .states import AXES, Frame, read_columns, read_matrix, units_of_state
+
+ALL, NONE = "all", "none"  # in place of the number of a family
+EVENT = ["state", "stop", "frequency_hz", "level_db"]
+# Columns of files -> those of tables.
+UNITS = {"pressure": "pressure_pa", "temperature": "temperature_degc"}
 
 
-@dataclass(frozen=True, slots=True)
-class Outcomes:
-    """What becomes of the samples of an approach in all states.
+def read_events(scene: Scene, states: Frame) -> Frame:
+    """The stops that squealed; none without the file ``states.events``.
 
-    Attributes:
-        approach: its name.
-        samples: samples that have modes in each state, shape (states,).
-        failed: those that have none.
-        missed: modes beyond the tolerance.
-        reasons: the first reason why a sample has none, or "".
-        modes: growing modes, with columns sample, state, family (-1: none), frequency [Hz] and
-            damping.
+    Args:
+        scene: the scene.
+        states: its states.
+
+    Returns:
+        Columns state, from 1; stop, of which two events may be; frequency_hz and level_db, nan
+        where they are not known.
+
+    Raises:
+        SceneError: file, line, value and remedy.
     """
-
-    approach: str
-    samples: Any
-    failed: Any
-    missed: Any
-    reasons: list[str]
-    modes: Frame
-
-    def squeals(self, threshold: float, family: int | None = None) -> Any:
-        """Samples with squeal in each state, shape (states,).
-
-        Args:
-            threshold: modes squeal whose damping lies below minus this.
-            family: that counts; all if None.
-        """
-        m = self.modes[self.modes.damping < -threshold]
-        return self.counted(m if family is None else m[m.family == family])
-
-    def counted(self, modes: Frame) -> Any:
-        """Samples that have one of some modes in each state, shape (states,)."""
-        pairs = modes[["sample", "state"]].drop_duplicates()
-        return np.bincount(pairs.state, minlength=len(self.samples))
-
-    def share(self, count: Any) -> Array:
-        """A number of samples over those that have modes; nan where none has."""
-        return np.where(self.samples > 0, count / np.maximum(self.samples, 1), np.nan)
+    if not (file := scene.section("states").events):
+        return pd.DataFrame(columns=EVENT, dtype=float)
+    units = units_of_state(scene, state="", frequency="Hz", stop=None, level="")
+    given = read_columns(scene.path(file), units.__getitem__)
+    known = states.assign(state=states.index)
+    same = np.ones((len(given), len(states)), bool)
+    for name in [n for n in (*AXES, "direction", "state") if n in given and n in known]:
+        a, b = given[name].to_numpy()[:, None], known[name].to_numpy()
+        same &= a == b if name == "direction" else np.isclose(a, b, 1e-6)
+    for i in np.flatnonzero(same.sum(axis=1) != 1):
+        text = f"is of {same[i].sum()} states; write the number of its state, or all that tells it"
+        raise SceneError(f"{file}: line {i + 2}: {text}")
+    rest = {"stop": given.index, "frequency": np.nan, "level": np.nan} | dict(given)
+    found = given.assign(**{**rest, "state": same.argmax(axis=1) + 1})
+    stops = found.groupby("state").stop.nunique()
+    for k in stops.index[stops > states.stops[stops.index]]:
+        text = f"has {states.stops[k]}; name the stop of each event in a column stop"
+        raise SceneError(f"{file}: more stops of state {k} squealed than it {text}")
+    return found.rename(columns={"frequency": "frequency_hz", "level": "level_db"})[EVENT]
 
 
-def outcomes(stored: Any) -> Iterator[Outcomes]:
-    """What the stored samples say of the states, by approach."""
-    import pandas as pd
+def match(events: Frame, modes: Frame, tolerance: float) -> Frame:
+    """Events with the family of each: the nearest in frequency within a tolerance.
 
-    groups: dict[str, list[Any]] = {}
+    Args:
+        events: the events.
+        modes: those that squeal. The frequency of a family is its median in the state of the event
+            or, where it does not squeal there, in all states.
+        tolerance: [Hz].
+
+    Returns:
+        The events with the columns family, -1 for none; family_frequency_hz; and
+        families_within_tolerance, of which more than one cannot be told apart.
+    """
+    known = modes[modes.family >= 0]
+    usual = known.groupby("family").frequency_hz.median()
+    here = known.groupby(["state", "family"]).frequency_hz.median().unstack()
+    at = here.reindex(events.state, columns=usual.index).fillna(usual).assign(none=np.nan)
+    apart = np.abs(at.to_numpy() - events.frequency_hz.to_numpy()[:, None])
+    near = np.where(apart <= tolerance, apart, np.inf)
+    near[:, -1] = np.finfo(float).max
+    nearest = near.argmin(axis=1)
+    found = events.assign(family=np.array([*usual.index, -1])[nearest])
+    found["family_frequency_hz"] = at.to_numpy()[np.arange(len(at)), nearest]
+    return found.assign(families_within_tolerance=(apart <= tolerance).sum(axis=1))
+
+
+def shares(
+    states: Frame, modes: Frame, events: Frame, name: str, ranges: Mapping[Any, tuple[Any, Any]]
+) -> Frame:
+    """Samples and stops that squeal in each state.
+
+    Args:
+        states: of the brake, see ``read_matrix``, with the column samples, those that have modes.
+        modes: that squeal.
+        events: stops that squealed.
+        name: column of modes and events.
+        ranges: key -> least value of the column, and what lies above its largest one. All modes
+            and events count for the first key.
+
+    Returns:
+        The columns of the states for each key, with frequency_hz, the median of the modes that
+        squeal there, squeal_samples, share, share_low, share_high, and measured_stops, nan without
+        events. Keys and states are its index.
+    """
+    parts = dict[Any, Frame]()
+    for key, ends in ranges.items():
+        every = modes, events
+        own, heard = (t[t[name].between(*ends, "left")] for t in every) if parts else every
+        each, stops = own.groupby("state"), heard.groupby("state").stop.nunique()
+        hits = each["sample"].nunique().reindex(states.index, fill_value=0)
+        part = states.assign(frequency_hz=each.frequency_hz.median(), squeal_samples=hits)
+        cells = [wilson(*pair).cells for pair in zip(hits, states.samples, strict=True)]
+        part[["share", "share_low", "share_high"]] = np.array(cells, float)
+        measured = stops.reindex(states.index, fill_value=0) if len(events) else np.nan
+        parts[key] = part.assign(measured_stops=measured)
+    return pd.concat(parts)
+
+
+def by_family(states: Frame, modes: Frame, events: Frame) -> Frame:
+    """Shares of all modes, and of each family that squeals, by the column family, a text.
+
+    The last one, "none", is of modes and events without a family.
+    """
+    numbers = sorted(modes.family.unique(), key=lambda f: (f < 0, f))
+    ranges = {ALL: ()} | {NONE if f < 0 else str(f): (f, f + 1) for f in numbers}
+    found = shares(states, modes, events, "family", ranges)
+    return found.rename_axis(["family", "state"]).reset_index()
+
+
+def occurrence(states: Frame, modes: Frame, events: Frame, bands: list[Any]) -> Frame:
+    """Per cent of the stops that squeal, by band [Hz] and by section.
+
+    The first band is the whole one, which holds events of unknown frequency too.
+    """
+    every = shares(states, modes, events, "frequency_hz", {band: band for band in bands})
+    every = every.rename_axis(["from_hz", "to_hz", "state"]).reset_index()
+    every["predicted_percent"] = 100 * every.share.fillna(0) * every.stops
+    every["measured_percent"] = 100 * every.measured_stops
+    every = pd.concat([every.assign(section=ALL), every[every.section != ""]])
+    groups = every.groupby(["section", "from_hz", "to_hz"], sort=False)
+    sums = groups[["stops", "predicted_percent", "measured_percent"]].sum(min_count=1)
+    return sums.assign(**sums.iloc[:, 1:].div(sums.stops, axis=0)).reset_index()
+
+
+def outcomes(stored: Any, states: Frame) -> Iterator[tuple[str, Frame, Frame]]:
+    """What the stored samples say of the states.
+
+    Args:
+        stored: the samples.
+        states: of the brake.
+
+    Yields:
+        Approach; the states with the columns samples, those that have modes; failed, those that
+        have none; tolerance_missed, modes beyond the tolerance; and first_failure, why the first
+        of them failed; modes that grow.
+    """
+    groups = dict[str, list[Any]]()
     for (approach, _), data, family in stored.with_arrays("state_"):
-        groups.setdefault(approach, []).append((data, np.append(family, -1)))
+        modes = pd.DataFrame({"state": data["state_of"], "damping": data["state_damping"]})
+        modes["family"] = np.append(family, -1)[data["state_mode"]]
+        modes["frequency_hz"] = data["state_s"].imag / (2 * np.pi)
+        groups.setdefault(approach, []).append((modes, data["state_outcome"], data["state_missed"]))
     for approach, group in groups.items():
-        modes = pd.concat([
-            pd.DataFrame({
-                "sample": k, "state": data["state_of"], "family": family[data["state_mode"]],
-                "frequency": data["state_s"].imag / (2 * np.pi), "damping": data["state_damping"],
-            }) for k, (data, family) in enumerate(group)
-        ])  # fmt: skip
-        texts = np.array([data["state_outcome"] for data, _ in group])
-        reasons = [next((str(t) for t in column if t), "") for column in texts.T]
-        good, missed = (texts == "").sum(axis=0), sum(data["state_missed"] for data, _ in group)
-        yield Outcomes(approach, good, len(group) - good, missed, reasons, modes)
+        tables, texts, missed = zip(*group, strict=True)
+        said = pd.DataFrame(texts, columns=states.index)
+        found = states.assign(samples=(said == "").sum(), failed=(said != "").sum())
+        found["tolerance_missed"] = sum(missed)
+        found["first_failure"] = said.apply(lambda own: next(filter(None, own), ""))
+        modes = pd.concat(tables, keys=range(len(group)), names=["sample"])
+        yield approach, found, modes.reset_index("sample")
+
+
+def compute(run: Any, study: Any) -> dict[str, RowTable]:
+    """The tables of the states; collective."""
+    return on_first(lambda: _tables(study.scene, study.store), study.comm)
+
+
+def _tables(scene: Scene, store: Any) -> dict[str, RowTable]:
+    table, states, parts = scene.section("states"), read_matrix(scene), dict[str, list[Frame]]()
+    events, bands = read_events(scene, states), [(0.0, scene.stability.band[1])]
+    stored = read_run(store.directory, {"in_effect": in_effect(scene)}).stored
+    for approach, found, every in outcomes(stored, states) if stored else ():
+        modes = every[every.damping < -scene.stability.threshold]
+        heard = match(events, modes, table.tolerance)
+        families = by_family(found, modes, heard)
+        per_band = occurrence(found, modes, heard, [*bands, *pairwise(table.bands)])
+        made = {"states": families, "states_occurrence": per_band}
+        if len(events):
+            heard["family"] = heard.family.astype(str).replace("-1", "")
+            share = families[["state", "family", "share"]]
+            made["states_events"] = heard.merge(share, "left", ["state", "family"])
+            made["states_scores"] = scores(families, found.samples, every, scene.samples.limit)
+        for name, frame in made.items():
+            frame.insert(0, "approach", approach)
+            parts.setdefault(name, []).append(frame.rename(columns=UNITS))
+    frames = {name: pd.concat(each) for name, each in parts.items()}
+    return {name: RowTable(frame.columns, cells_of(frame)) for name, frame in frames.items()}
+
+
+def cells_of(frame: Frame) -> Any:
+    """Cells of a frame by rows, None where there is no number."""
+    return frame.astype(object).where(frame.notna(), None).to_numpy().tolist()

@@ -1,123 +1,123 @@
-"""States on the page: the likeliest in a sentence, the matrix, occurrence and scores."""
+"""States on the page: where squeal is likeliest in a sentence, the matrix, the ROC, scores."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from brake_fenicsx.report.page_blocks import Block, Table, Text
-from brake_fenicsx.report.style import new_figure
+from brake_fenicsx.report.style import finish, new_figure
 from brake_fenicsx.results.run import RunData
-from brake_fenicsx.results.tables import Columns, rows_of
+from brake_fenicsx.results.tables import show
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .outcomes import ALL, NONE, cells_of
+from .states import Frame
 
 NOTE = (
-    "The same random samples stand in every state; a share is that of the samples with a mode that"
+    " The same random samples stand in every state; a share is that of the samples with a mode that"
     " squeals. Stops with squeal are counted in per cent of all stops, as a dynamometer test does."
 )
-# Heading -> how a row of the table is written there.
-OCCURRENCE = {
-    "section": "{section}", "band [kHz]": "{from_hz:.3g} to {to_hz:.3g}", "stops": "{stops}",
-    "predicted [%]": "{predicted_percent:.1f}", "measured [%]": "{measured_percent:.1f}",
-}  # fmt: skip
-SCORES = {
-    "family": "{family}", "stops with squeal": "{events}", "hits": "{hits}", "misses": "{misses}",
-    "false alarms": "{false_alarms}",
-    "Brier score": "{brier:.3f} ({brier_low:.3f} to {brier_high:.3f})",
-    "area of the ROC": "{roc_area:.2f} ({roc_area_low:.2f} to {roc_area_high:.2f})",
-    "best threshold": "{threshold:.3g} ({threshold_low:.3g} to {threshold_high:.3g})",
-    "note": "{said}",
-}  # fmt: skip
-PANELS = 8  # at most
+AXES = PRESSURE, SPEED, TEMPERATURE = "pressure_pa", "speed", "temperature_degc"
+PANELS, ROWS, LINES = 4, 3, 6  # of the figures at most
 
 
 def blocks(run: RunData) -> list[Block]:
-    """The likeliest state in a sentence, states without modes, occurrence and scores."""
+    """Where squeal is likeliest in a sentence, states without modes, occurrence and scores."""
     states = _shown(run, "states")
-    if not states["state"].size:
+    if states.empty:
         return []
-    failed = [
-        f"state {row['state']} ({row['failed']}: {row['first_failure']})"
-        for row in _rows(states) if row["failed"]
-    ]  # fmt: skip
-    said = f" Samples without modes: {', '.join(failed)}." if failed else ""
-    found: list[Block] = [Text(f"{_likeliest(run, states)} {NOTE}{said}")]
-    for name, heads in (("states_occurrence", OCCURRENCE), ("states_scores", SCORES)):
-        if name in run.extras:
-            rows = [_scaled(row) for row in _rows(_shown(run, name))]
-            texts = [[form.format(**row) for form in heads.values()] for row in rows]
-            cells = [["-" if "nan" in text else text for text in row] for row in texts]
-            found.append(Table.without_empty([*heads], cells))
+    unit = "m/s" if run.in_effect("motion").get("direction") else "rad/s"
+    lost = states[(states.family == ALL) & (states.failed > 0)].itertuples()
+    texts = (f" State {s.state} fails {s.failed} times: {s.first_failure}" for s in lost)
+    found: list[Block] = [Text(_likeliest(states, unit) + NOTE + "".join(texts))]
+    for table in (_shown(run, "states_occurrence"), _shown(run, "states_scores")):
+        for name in [n for n in table if f"{n}_low" in table]:
+            ends = table[name], table.pop(f"{name}_low"), table.pop(f"{name}_high")
+            texts = ["{} ({} to {})".format(*map(show, row)) for row in zip(*ends, strict=True)]
+            table[name] = [text.replace("nan (nan to nan)", "") for text in texts]
+        heads = [name.replace("_", " ") for name in table]
+        found.append(Table.without_empty(heads, cells_of(table)))
     return found
 
 
-def draw_matrix(run: RunData) -> Figure | None:
-    """Shares over temperature and pressure, a panel for each speed and direction."""
-    if "states" not in run.extras or not run.extras["states"]["state"].size:
+def draw_matrix(run: RunData) -> Any:
+    """Shares over temperature and pressure: a panel for each speed and direction, and family."""
+    states = _shown(run, "states").fillna(dict.fromkeys(AXES, 0.0))
+    if states.share.isna().all():
         return None
-    states = _rows(_shown(run, "states"))
-    for row in states:
-        row |= {n: np.nan_to_num(row[n]) for n in ("pressure_pa", "speed", "temperature_degc")}
-    speeds = [f"speed {row['speed']:g}, " if row["speed"] else "" for row in states]
-    titles = [speed + row["direction"] for speed, row in zip(speeds, states, strict=True)]
-    names = [*dict.fromkeys(titles)][:PANELS]
-    ends = {n: sorted({row[n] for row in states}) for n in ("pressure_pa", "temperature_degc")}
-    p, T = ends.values()
-    figure, grid = new_figure(1, len(names), sharey=True)
-    for axis, name in zip(grid[0], names, strict=True):
-        values = np.full((len(p), len(T)), np.nan)
-        for row in (row for row, title in zip(states, titles, strict=True) if title == name):
-            i, j = p.index(row["pressure_pa"]), T.index(row["temperature_degc"])
-            values[i, j] = 100 * row["share"]
-            measured = 100 * row["measured_stops"] / row["stops"]
-            text = f"{values[i, j]:.0f}" + ("" if np.isnan(measured) else f"\n({measured:.0f})")
-            colour = "white" if values[i, j] > 60 else "black"
-            axis.text(j, i, text, ha="center", va="center", fontsize=6.5, color=colour)
-        image = axis.imshow(values, origin="lower", aspect="auto", vmin=0, vmax=100, cmap="Reds")
+    states["measured"] = states.measured_stops / states.stops
+    # All modes first: no family has a larger share.
+    families = states.groupby("family", sort=False).share.max().nlargest(ROWS).index
+    panels = [*states.groupby([SPEED, "direction"])][:PANELS]
+    figure, grid = new_figure(len(families), len(panels), 1.1 + 1.9 * len(families), sharey=True)
+    p, T = np.unique(states[PRESSURE]), np.unique(states[TEMPERATURE])
+    for (i, j), axis in np.ndenumerate(grid):
+        (speed, direction), own = panels[j]
+        cells = own[own.family == families[i]].groupby([PRESSURE, TEMPERATURE])
+        means = 100 * cells[["share", "measured"]].mean().unstack().reindex(p)
+        share, measured = (means[name].reindex(columns=T) for name in ("share", "measured"))
+        image = axis.imshow(share, origin="lower", aspect="auto", vmin=0, vmax=100, cmap="Reds")
+        for (y, x), predicted in np.ndenumerate(share):
+            text = f"{predicted:.0f}\n({measured.iloc[y, x]:.0f})".replace("\n(nan)", "").replace(
+                "nan", ""
+            )
+            colour = "white" if predicted > 60 else "black"
+            axis.text(x, y, text, ha="center", va="center", fontsize=6.5, color=colour)
+        title = f"family {families[i]}, {direction}" + f", speed {speed:g}" * bool(speed)
+        title = title.replace("family all", "all modes")
+        axis.set(title=title, xlabel="temperature [degC]", ylabel="pressure [bar]")
         axis.set_xticks(range(len(T)), [f"{t:g}" for t in T])
         axis.set_yticks(range(len(p)), [f"{x / 1e5:g}" for x in p])
-        axis.set(title=name, xlabel="temperature [degC]")
-    grid[0, 0].set_ylabel("pressure [bar]")
-    figure.colorbar(image, ax=grid[0].tolist(), label="samples that squeal [%]")
+        axis.label_outer()
+    figure.colorbar(image, ax=grid, label="samples that squeal [%]")
     return figure
 
 
-def _shown(run: RunData, name: str) -> Columns:
-    """Rows of a table of the last approach, the one with most scatter."""
-    table = run.extras[name]
-    last = [a for a in run.approaches if a in run.extras["states"]["approach"]][-1:]
-    return rows_of(table, np.isin(table["approach"], last))
+def draw_roc(run: RunData) -> Any:
+    """The receiver operating characteristic of all modes, and of the families heard most."""
+    states = _shown(run, "states")
+    if states.measured_stops.isna().all():
+        return None
+    states["quiet"] = states.stops - states.measured_stops
+    heard = states.groupby("family")[["quiet", "measured_stops"]].sum()
+    figure, ((axis,),) = new_figure(1, 1, 3.6, 4.6)
+    for family in heard[heard.min(axis=1) > 0].measured_stops.nlargest(LINES).index:
+        own = states[states.family == family].groupby("share")[["quiet", "measured_stops"]].sum()
+        x, y = (own[::-1].cumsum() / own.sum()).to_numpy().T
+        axis.plot(
+            [0, *x], [0, *y], ".-", label=f"family {family}".replace("family all", "all modes")
+        )
+    axis.plot([0, 1], [0, 1], ":", color="grey", label="by chance")
+    finish(axis, xlabel="share of quiet stops", ylabel="share of stops with squeal")
+    axis.legend()
+    return figure
 
 
-def _rows(table: Columns) -> list[dict[str, Any]]:
-    """Rows as mappings; a number that is not there is nan."""
-    columns = (column.tolist() for column in table.values())
-    return [dict(zip(table, row, strict=True)) for row in zip(*columns, strict=True)]
+def _shown(run: RunData, name: str) -> Frame:
+    """Rows of a table of the approach that the verdict is about."""
+    table = pd.DataFrame(run.extras.get(name, {"approach": []}))
+    found = table[table.approach == run.lead].drop(columns="approach")
+    return found.reindex(columns=dict.fromkeys([*AXES, *found])) if name == "states" else found
 
 
-def _scaled(row: dict[str, Any]) -> dict[str, Any]:
-    """A row for the page: frequencies in kHz, and all families by their name."""
-    row = {n: v / 1e3 if n.endswith("_hz") else v for n, v in row.items()}
-    return row | ({"family": "all"} if row.get("family", 0) < 0 else {})
-
-
-def _likeliest(run: RunData, states: Columns) -> str:
-    """The state in which most samples squeal, beside what was measured there."""
-    row = max(_rows(states), key=lambda row: np.nan_to_num(row["share"]))
-    if not row["share"] > 0:
+def _likeliest(states: Frame, turns: str) -> str:
+    """Where the likeliest family squeals at half its largest share or more: predicted, measured."""
+    families = states[~states.family.isin([ALL, NONE])]
+    if not families.share.max() > 0:
         return "No state squeals."
-    families = _rows(_shown(run, "states_families"))
-    here = (family for family in families if family["state"] == row["state"])
-    f = max(here, key=lambda family: family["squeal_samples"])["frequency_hz"] / 1e3
-    axes = ("pressure_pa", 1e-5, "bar"), ("temperature_degc", 1.0, "degC")
-    at = [f"{row[n] * x:.4g} {unit}" for n, x, unit in axes if np.isfinite(row[n])]
-    text = (
-        f"Squeal is likeliest at {', '.join([*at, row['direction']])} (state {row['state']}):"
-        f" {f:.3f} kHz, {row['share']:.0%} ({row['share_low']:.0%} to {row['share_high']:.0%}) of"
-        f" {row['samples']} samples"
-    )
-    stops = row["measured_stops"]
-    return text + ("." if np.isnan(stops) else f"; {stops:.0f} of {row['stops']} stops measured.")
+    own = families[families.family == families.family[families.share.idxmax()]]
+    most = own[own.share >= own.share.max() / 2]
+    where, inside = [], own.direction.isin(most.direction)
+    for name, size, unit in zip(AXES, (1e5, 1, 1), ("bar", turns, "degC"), strict=True):
+        low, high = most[name].min(), most[name].max()
+        if np.isfinite(low):
+            inside &= own[name].between(low, high)
+            ends = dict.fromkeys(show(float(x / size)) for x in (low, high))
+            where.append(f"{' to '.join(ends)} {unit}")
+    own, f, at = own[inside], most.frequency_hz.median() / 1e3, [*where, *most.direction.unique()]
+    share, m, n = own.share.fillna(0) @ own.stops, own.measured_stops.sum(), own.stops.sum()
+    heard = "" if own.measured_stops.isna().any() else f", {m:.0f} of {n} stops measured"
+    said = f"{', '.join(at)}: {100 * share / n:.0f} % predicted{heard}"
+    return f"Squeal is likeliest at {f:.3f} kHz, {said}."

@@ -1,205 +1,110 @@
 """Predicted squeal beside stops that squealed: hits, Brier score, area of the ROC, best threshold.
 
-A stop is a trial that squeals or not, and its state gives the predicted probability p. Intervals
-are of 95 %, from the scatter of the stops alone. The Brier score is the mean of (p - y)^2 (G. W.
-Brier, Monthly Weather Review 78, 1950, 1), linear in the number of squealing stops of each state,
-which is binomial. The area of the ROC has the interval of DeLong, DeLong and Clarke-Pearson
-(Biometrics 44, 1988, 837). The threshold is that of largest likelihood, its interval that of the
-likelihood ratio (S. S. Wilks, Annals of Mathematical Statistics 9, 1938, 60).
+A stop is a trial that squeals or not, and its state gives the predicted probability p. The Brier
+score is the mean of (p - y)^2 (G. W. Brier, Monthly Weather Review 78, 1950, 1). The area of the
+receiver operating characteristic is the probability that a stop with squeal was given more than one
+without (J. A. Hanley, B. J. McNeil, Radiology 143, 1982, 29). The threshold of damping is that of
+the largest likelihood. Intervals are of 95 %, from the scatter of the stops alone: by a parametric
+bootstrap (B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap, 1993, chapter 6), that of
+the threshold by the likelihood ratio (S. S. Wilks, Annals of Mathematical Statistics 9, 1938, 60).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from brake_fenicsx.errors import SceneError
+from .states import Frame
 
-from .matrix import AXES, Array, Frame, axis_units, read_columns
-from .outcomes import Outcomes
-
-EVENTS = (
-    "approach", "event", "state", "frequency_hz", "level_db", "family", "family_frequency_hz",
-    "families_within_tolerance", "predicted_share",
-)  # fmt: skip
-SCORES = (
-    "approach", "family", "events", "hits", "misses", "false_alarms", "quiet", "brier",
-    "brier_low", "brier_high", "roc_area", "roc_area_low", "roc_area_high", "threshold",
-    "threshold_low", "threshold_high", "said",
-)  # fmt: skip
-ALL = -2  # in place of the number of a family; -1 are modes of none
-Z, RATIO = 1.959964, 3.841459  # of 95 %: normal, and twice the logarithm of a likelihood ratio
+Array = np.ndarray
+Z, DRAWS = 1.959964, 300  # half an interval over the standard deviation, of so many draws
+RATIO = 3.841459  # twice the logarithm of a likelihood ratio
 FEWEST = 10  # stops with squeal, or without, below which scores tell little
 GRID = 400  # thresholds that are tried
-Interval = tuple[float | None, float | None, float | None]
-NOTHING: Interval = (None, None, None)
+RATED = [f"{n}{end}" for n in ("brier", "roc_area", "threshold") for end in ("", "_low", "_high")]
+COLUMNS = ["family", "events", "hits", "misses", "false_alarms", "quiet", *RATED, "note"]
 
 
-@dataclass(frozen=True, slots=True)
-class Events:
-    """Stops that squealed.
-
-    Attributes:
-        table: columns state, from 0; stop, of which two events may be; frequency [Hz] and level
-            [dB], nan where they are not known.
-    """
-
-    table: Frame
-
-    def within(self, low: float, high: float) -> Any:
-        """Which lie in a band of frequency [Hz]; without an end it holds unknown ones too."""
-        f = self.table.frequency.fillna(low if np.isinf(high) else -1.0)
-        return (f >= low) & (f < high)
-
-    def stops(self, states: Frame, which: Any = slice(None)) -> Any:
-        """Stops with one of some events in each state, shape (states,)."""
-        pairs = self.table[which][["state", "stop"]].drop_duplicates()
-        return np.bincount(pairs.state, minlength=len(states))
-
-
-def read_events(scene: Any, states: Frame) -> Events:
-    """The events of a scene.
-
-    Raises:
-        SceneError: file, line, value and remedy.
-    """
-    file, units = scene.section("states").events, axis_units(scene) | {"state": "", "level": ""}
-    units |= {"direction": "text", "frequency": "Hz", "stop": "text"}
-    table = read_columns(scene.path(file), units)
-    same = np.ones((len(table), len(states)), bool)
-    numbered = states.assign(state=states.index + 1)
-    for column in [n for n in (*AXES, "direction", "state") if n in table and n in numbered]:
-        given, known = table[column].to_numpy()[:, None], numbered[column].to_numpy()
-        same &= given == known if column == "direction" else np.isclose(given, known, 1e-6)
-    for i in np.flatnonzero(same.sum(axis=1) != 1):
-        raise SceneError(
-            f"{file}: line {i + 2}: is of {same[i].sum()} states; write the number of its state, or"
-            " the pressure, speed, temperature and direction that tell it from others"
-        )
-    lacking = {"stop": np.arange(len(table)), "frequency": np.nan, "level": np.nan}
-    table = table.assign(**{k: v for k, v in lacking.items() if k not in table})
-    events = Events(table.assign(state=same.argmax(axis=1)))
-    for k in np.flatnonzero(events.stops(states) > states.stops):
-        raise SceneError(
-            f"{file}: more stops of state {k + 1} squealed than its {states.stops[k]:g}; write its"
-            " stops in the matrix, or name the stop of each event in a column stop"
-        )
-    return events
-
-
-def match(events: Events, modes: Frame, tolerance: float) -> tuple[Any, Array, Any]:
-    """Family of each event: the nearest in frequency within a tolerance.
+def scores(families: Frame, samples: Any, modes: Frame, limit: float) -> Frame:
+    """Scores of all modes and of each family.
 
     Args:
-        events: the events.
-        modes: those that squeal, see ``Outcomes``. The frequency of a family is its median in the
-            state of the event or, where it does not squeal there, in all states.
-        tolerance: [Hz].
+        families: shares of samples and stops in each state, see ``by_family``.
+        samples: that have modes in each state.
+        modes: all that grow, of which the best threshold is told.
+        limit: squeal is predicted in a state from this share on.
 
     Returns:
-        Number of the family, -1 for none; its frequency [Hz]; how many families lie within the
-        tolerance, of which more than one cannot be told apart.
+        Columns family; events, stops that squealed; hits and misses, of these; false_alarms and
+        quiet, of the others; brier, roc_area and threshold, each with its interval; note.
     """
-    known = modes[modes.family >= 0]
-    usual = known.groupby("family").frequency.median()
-    here = known.groupby(["state", "family"]).frequency.median().unstack()
-    at = here.reindex(events.table.state, columns=usual.index).fillna(usual).to_numpy()
-    apart = np.abs(at - events.table.frequency.to_numpy()[:, None])
-    near = np.where(apart <= tolerance, apart, np.inf)
-    within, each = np.isfinite(near).sum(axis=1), np.arange(len(at))
-    if not usual.size:
-        return np.full(len(at), -1), np.full(len(at), np.nan), within
-    j = near.argmin(axis=1)
-    family = np.where(within > 0, usual.index.to_numpy()[j], -1)
-    return family, np.where(within > 0, at[each, j], np.nan), within
+    rows, (tried, expected) = [], shares_by_threshold(modes, samples[samples > 0])
+    named = families[(families.samples > 0) & (families.family != "none")]
+    for family, own in named.groupby("family", sort=False):
+        p, n, m = own[["share", "stops", "measured_stops"]].to_numpy(float).T
+        warned, quiet = p >= limit, n - m
+        counts = m, m[warned], m[~warned], quiet[warned], quiet[~warned]
+        few = bool(min(m.sum(), quiet.sum()) < FEWEST)
+        note = f"{m.sum():g} stops with squeal and {quiet.sum():g} without tell little" * few
+        found = with_intervals(p, n, m, tried, expected)
+        if rows or tried.size < 2:  # the threshold is one of all modes
+            found[2] = np.nan
+        rows.append([family, *(int(x.sum()) for x in counts), *found.ravel(), note])
+    return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def event_rows(o: Outcomes, scene: Any, states: Frame, events: Events) -> Iterator[Any]:
-    """Rows of states_events.csv of an approach."""
-    threshold, tolerance = scene.stability.threshold, scene.section("states").tolerance
-    given = o.modes[o.modes.damping < -threshold], tolerance
-    for i, (family, at, within) in enumerate(zip(*match(events, *given), strict=True)):
-        event = events.table.iloc[i]
-        share = o.share(o.squeals(threshold, family))[event.state] if within else np.nan
-        numbers = (event.frequency, event.level, at, share)
-        f, level, at, share = (float(x) if np.isfinite(x) else None for x in numbers)
-        number = int(family) if within else None
-        yield [o.approach, i + 1, int(event.state) + 1, f, level, number, at, int(within), share]
-
-
-def score_rows(o: Outcomes, scene: Any, states: Frame, events: Events) -> Iterator[Any]:
-    """Rows of states_scores.csv of an approach: all squeal (family -2), then each family.
-
-    Squeal is predicted where its share is that of ``samples.limit`` or more.
-    """
-    threshold, tolerance = scene.stability.threshold, scene.section("states").tolerance
-    loud, good = o.modes[o.modes.damping < -threshold], o.samples > 0
-    matched = match(events, loud, tolerance)[0]
-    for family in [ALL, *sorted(f for f in loud.family.unique() if f >= 0)]:
-        every = family == ALL
-        p = o.share(o.squeals(threshold, None if every else family))[good]
-        m = events.stops(states, slice(None) if every else matched == family)[good]
-        n = states.stops.to_numpy(int)[good]
-        warned = p >= scene.samples.limit
-        squealed, quiet, hits = int(m.sum()), int((n - m).sum()), int(m[warned].sum())
-        alarms, few = int((n - m)[warned].sum()), min(squealed, quiet) < FEWEST
-        said = f"{squealed} stops with squeal and {quiet} without tell little" if few else ""
-        scores = *brier(p, n, m), *roc_area(p, n, m)
-        best = best_threshold(o, n, m) if every and good.all() else NOTHING
-        counts = squealed, hits, squealed - hits, alarms, quiet - alarms
-        yield [o.approach, int(family), *counts, *scores, *best, said]
-
-
-def brier(p: Array, n: Any, m: Any) -> tuple[float, float, float]:
-    """Brier score with its interval.
+def rated(p: Array, n: Array, m: Array) -> Array:
+    """Brier score and area of the ROC, nan without stops of both kinds; shape (2, ...).
 
     Args:
         p: predicted probability of each state.
         n: its stops.
-        m: of these, those that squealed.
+        m: of these, those that squealed, shape (..., states).
     """
-    value = float(np.sum(n * p**2 + m * (1 - 2 * p)) / n.sum())
-    q = (m + 0.5) / (n + 1)  # not certain, though all or none of few stops squealed
-    half = Z * float(np.sqrt(np.sum((1 - 2 * p) ** 2 * n * q * (1 - q))) / n.sum())
-    return value, value - half, value + half
+    quiet, (level, which) = n - m, np.unique(p, return_inverse=True)
+    loud, calm = (x @ np.eye(level.size)[which] for x in (m, quiet))
+    above = np.tri(level.size, k=-1) + np.eye(level.size) / 2
+    with np.errstate(invalid="ignore"):
+        area = np.sum((loud @ above) * calm, axis=-1) / (m.sum(axis=-1) * quiet.sum(axis=-1))
+    return np.array([np.sum(n * p**2 + m * (1 - 2 * p), axis=-1) / n.sum(), area])
 
 
-def roc_area(p: Array, n: Any, m: Any) -> Interval:
-    """Probability that a stop with squeal was given more than one without, with its interval.
-
-    Arguments as of ``brier``; None without stops of both kinds.
-    """
-    quiet = n - m
-    if not m.any() or not quiet.any():
-        return NOTHING
-    order = np.sign(p[:, None] - p) / 2 + 0.5
-    loud, calm = order @ quiet / quiet.sum(), m @ order / m.sum()
-    area = float(m @ loud / m.sum())
-    spread = m @ (loud - area) ** 2 / m.sum() ** 2 + quiet @ (calm - area) ** 2 / quiet.sum() ** 2
-    half = Z * float(np.sqrt(spread))
-    return area, area - half, area + half
-
-
-def best_threshold(o: Outcomes, n: Any, m: Any) -> Interval:
-    """Threshold of damping of the largest likelihood, and its interval; None where all are alike.
+def with_intervals(p: Array, n: Array, m: Array, tried: Array, expected: Array) -> Array:
+    """Both, and the threshold of the largest likelihood, with their intervals, shape (3, 3).
 
     Args:
-        o: modes of the samples.
-        n: stops of each state.
-        m: of these, those that squealed.
+        p: predicted probability of each state.
+        n: its stops.
+        m: of these, those that squealed; where all or none did, that is not taken as certain.
+        tried: thresholds.
+        expected: shares of squeal that they predict, see ``shares_by_threshold``.
     """
-    growth = np.unique(-o.modes.damping[o.modes.damping < 0])
-    if not growth.size or not 0 < m.sum() < n.sum():
-        return NOTHING
-    steps = np.quantile(growth, np.linspace(0, 1, min(GRID, growth.size)))
-    tried = np.array([0.0, *0.5 * (steps[1:] + steps[:-1])])
-    worst = -o.modes.groupby(["state", "sample"]).damping.min()
-    state, growth = worst.index.get_level_values(0).to_numpy(), worst.to_numpy()
-    hits = [np.bincount(state[growth > x], minlength=len(o.samples)) for x in tried]
-    shares = (np.array(hits) + 0.5) / (o.samples + 1.0)
-    likely = np.log(shares) @ m + np.log(1 - shares) @ (n - m)
-    inside = tried[2 * (likely.max() - likely) <= RATIO]
-    return float(np.median(tried[likely == likely.max()])), float(inside[0]), float(inside[-1])
+    value, rng = rated(p, n, m), np.random.default_rng(0)
+    draws = rng.binomial(n.astype(int), (m + 0.5) / (n + 1), (DRAWS, n.size))
+    half = Z * np.nanstd(rated(p, n, draws), axis=1)
+    likely = np.log(expected) @ m + np.log(1 - expected) @ (n - m)
+    inside = tried[likely.max() - likely <= RATIO / 2]
+    best = np.array([np.median(tried[likely == likely.max()]), inside[0], inside[-1]])
+    ends = np.clip([value, value - half, value + half], 0, 1).T
+    return np.array([*ends, np.where(np.isfinite(value[1]), best, np.nan)])
+
+
+def shares_by_threshold(modes: Frame, samples: Any) -> tuple[Array, Array]:
+    """Thresholds of damping that are tried, and the share of squeal that each predicts.
+
+    Args:
+        modes: that grow.
+        samples: that have modes, by state.
+
+    Returns:
+        Thresholds, rising, and shares that are neither 0 nor 1, shape (thresholds, states).
+    """
+    growth = -modes.groupby(["state", "sample"]).damping.min()
+    steps = np.quantile(growth, np.linspace(0, 1, GRID)) if growth.size else growth.to_numpy()
+    tried = np.unique([0.0, *0.5 * (steps[1:] + steps[:-1])])
+    sizes = {k: np.sort(own) for k, own in growth.groupby("state")}
+    each = (sizes.get(k, steps[:0]) for k in samples.index)
+    counts = np.transpose([own.size - np.searchsorted(own, tried, "right") for own in each])
+    return tried, (counts + 0.5) / (samples.to_numpy() + 1.0)

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from brake_fenicsx.build.material_table import nominal_value
+from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import BrakeError
-from brake_fenicsx.macro.equilibrium import Equilibrium
-from brake_fenicsx.macro.gap import EnrichedGap
+from brake_fenicsx.folder.arrays import reading
+from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.micro import join_laws, scaled_laws
 from brake_fenicsx.results.families import RESEMBLES, same_families
 from brake_fenicsx.samples.equilibria import Equilibria
@@ -24,10 +25,10 @@ from brake_fenicsx.stability import Modes
 from brake_fenicsx.stability.modes import relative_errors
 from brake_fenicsx.stability.substructures import ContactLinearisation
 
-from .gaps import imposed_gap
-from .matrix import AXES, read_matrix, state_values
+from .states import AXES, read_columns, read_matrix, state_values, units_of_state
 
-Array = NDArray[np.float64]
+ARRAYS = [("state_of", int), ("state_s", complex), ("state_damping", float), ("state_mode", int)]
+GAP = 'write a length with units, as "1 um * (r - 118 mm) / (22 mm)", or a CSV file of x, y, gap'
 
 
 class StateModes:
@@ -37,108 +38,125 @@ class StateModes:
         """Read the states."""
         self._scene, self._models, states = scene, models, read_matrix(scene)
         self._values = state_values(scene, states)
-        self._reverse = [way == "reverse" for way in states.direction]
-        axes = [{n: row[n] for n in AXES if n in row} for row in states.to_dict("records")]
+        self._signs = np.where(states.direction == "reverse", -1.0, 1.0)
+        axes = states[[n for n in AXES if n in states]].to_dict("records")
         self._gaps = [imposed_gap(scene, models.brake.contact, state) for state in axes]
         self._equilibria = Equilibria.of_scene(scene, models)
 
-    def of(
-        self,
-        sample: SampleInput,
-        eq: Equilibrium,
-        modes: Modes,
-        partner: NDArray[np.intp],
-        reduced: bool,
-    ) -> dict[str, Any]:
+    def of(self, sample: SampleInput, eq: Any, modes: Modes, _: Any, reduced: bool) -> Any:
         """Growing modes of a sample in every state, as arrays to store.
 
         Args:
             sample: its inputs.
             eq: its equilibrium in the scene's own state.
             modes: its modes there, whose families those of the states take.
-            partner: flutter partner of each; not used.
+            _: flutter partner of each.
             reduced: whether they are those of the reduced model; else they lend no family.
 
         Returns:
             ``state_outcome`` of each state, empty or why it failed, and ``state_missed``, modes
             beyond the tolerance; of each growing mode ``state_of``, the number of its state from
-            0, ``state_s`` [1/s], ``state_damping`` and ``state_mode``, the mode of the sample that
+            1, ``state_s`` [1/s], ``state_damping`` and ``state_mode``, the mode of the sample that
             it continues, or -1.
         """
-        outcome, missed = [""] * len(self._reverse), np.zeros(len(self._reverse), int)
-        starts: dict[bool, Array | None] = {False: eq.g, True: None}
-        rows = list[tuple[int, complex, float, int]]()
-        for i, reverse in enumerate(self._reverse):
+        n = self._signs.size
+        outcome, missed, rows = [""] * n, np.zeros(n, int), list[Any]()
+        starts = {1.0: eq.g}
+        for i, sign in enumerate(self._signs):
             try:
-                there, found = self.modes(sample, i, starts[reverse])
-            except BrakeError as error:
+                there, found = self.modes(sample, i, starts.get(sign))
+            except (BrakeError, np.linalg.LinAlgError) as error:
                 outcome[i] = str(error)
                 continue
-            starts[reverse], same = there.g, np.full(len(found), -1)
+            starts[sign], same = there.g, np.full(len(found), -1)
             given = modes.right, modes.frequency, found.right, found.frequency, RESEMBLES
             for own, other, _ in same_families(*given) if reduced else ():
                 same[other] = own
-            missed[i] = np.sum(relative_errors(found.s, found.error) > self._settings.tolerance)
-            for j in np.flatnonzero(np.array(found.verdict, str) == "unstable"):
-                rows.append((i, found.s[j], found.damping[j], same[j]))
-        columns = zip(*rows, strict=True) if rows else [()] * 4
-        names = {"of": int, "s": complex, "damping": float, "mode": int}
-        found_modes: dict[str, Any] = {
-            f"state_{name}": np.array(values, kind)
-            for (name, kind), values in zip(names.items(), columns, strict=True)
-        }
-        return {"state_outcome": np.array(outcome), "state_missed": missed, **found_modes}
+            errors = relative_errors(found.s, found.error)
+            missed[i] = np.sum(errors > self._models.stability.tolerance)
+            grow = np.array(found.verdict, str) == "unstable"
+            columns = found.s[grow], found.damping[grow], same[grow]
+            rows += [(i + 1, *row) for row in zip(*columns, strict=True)]
+        table = np.array(rows, ARRAYS)
+        arrays = {name: table[name] for name, _ in ARRAYS}
+        return {"state_outcome": np.array(outcome), "state_missed": missed, **arrays}
 
-    @property
-    def _settings(self) -> Any:
-        return self._models.stability
-
-    def modes(
-        self, sample: SampleInput, i: int, start: Array | None = None
-    ) -> tuple[Equilibrium, Modes]:
+    def modes(self, sample: SampleInput, i: int, start: Any = None) -> Any:
         """Equilibrium and modes of a sample in a state.
 
         Args:
             sample: its inputs in the scene's own state.
             i: number of the state, from 0.
-            start: gaps of an equilibrium nearby [m].
+            start: gaps of an equilibrium nearby [m], or None.
 
         Raises:
             BrakeError: there is no equilibrium, or no brake has the numbers of the state.
         """
-        here = self._in_state(sample, i)
-        friction = here.friction
-        if self._reverse[i]:  # friction acts against s, and damps as before
-            here = replace(here, friction=replace(friction, mu=-friction.mu))
-        here, eq = self._equilibria.of(here, True, start)
+        stability, here = self._models.stability, self._in_state(sample, i)
+        friction = here.friction  # in reverse it acts against s, and damps as before
+        turned = replace(here, friction=replace(friction, mu=self._signs[i] * friction.mu))
+        here, eq = self._equilibria.of(turned, True, start)
         rates = here.brake.rates(friction, eq.p)
         contact = ContactLinearisation.of(eq.k_vibration, here.friction.mu, *rates)
         model = self._models.reduction.of(here.approach)
-        return eq, model.modes(here.brake.point, contact, self._settings.zeta_max)
+        return eq, model.modes(here.brake.point, contact, stability.zeta_max)
 
     def _in_state(self, sample: SampleInput, i: int) -> SampleInput:
         """Inputs of a sample in a state; what is random keeps its ratio to the scene's value."""
-        values = dict(sample.values)
-        for name, column in self._values.items():
-            ratio = values[name] / nominal_value(self._scene, name) if name in values else 1.0
-            values[name] = float(column[i]) * ratio
-        drawn = Values(self._scene, values)
-        check_values(sample.approach, drawn)
-        brake, laws = self._models.brake.at(drawn), self._laws(sample, drawn)
+        given = self._values.iloc[i]
+        own = {name: x * sample.values.ratio(name) for name, x in given.items()}
+        values = Values(self._scene, {**sample.values, **own})
+        check_values(sample.approach, values)
+        brake, laws = self._models.brake.at(values), sample.laws
         laws = replace(laws, g_cr=laws.g_cr - self._gaps[i])
-        friction = friction_of_contact(brake.contact, sample.approach, drawn)
-        return replace(sample, brake=brake, laws=laws, friction=friction)
-
-    def _laws(self, sample: SampleInput, values: Values) -> EnrichedGap:
-        """Laws of a sample for the modulus that its lining has in a state."""
-        laws, names = sample.laws, scaled_interfaces(self._scene)
+        scaled = () if sample.approach in PERFECT else scaled_interfaces(self._scene)
+        # For the modulus that the lining has in the state.
         ratios = [
-            law_factor(name, values) / law_factor(name, sample.values) if name in names else 1.0
+            law_factor(name, values) / law_factor(name, sample.values) if name in scaled else 1.0
             for name in self._scene.contact
         ]
-        if sample.approach in PERFECT or {*ratios} == {1.0}:
-            return laws
-        index = laws.index + sample.brake.contact.interface * len(laws.laws)
-        return replace(
-            laws, laws=join_laws([scaled_laws(laws.laws, x) for x in ratios]), index=index
-        )
+        if {*ratios} != {1.0}:
+            joined = join_laws([scaled_laws(laws.laws, x) for x in ratios])
+            index = laws.index + brake.contact.interface * len(laws.laws)
+            laws = replace(laws, laws=joined, index=index)
+        friction = friction_of_contact(brake.contact, sample.approach, values)
+        return replace(sample, brake=brake, laws=laws, friction=friction)
+
+
+def imposed_gap(scene: Scene, contact: Any, state: Mapping[str, float]) -> np.ndarray:
+    """Gap that a state adds to each contact element [m], shape (elements,).
+
+    Args:
+        scene: its section ``states.gap`` has a formula or a file for an interface. A formula has
+            units, "1 um * (r - 118 mm) / (22 mm)"; its names are x, y, z, r, the distance from the
+            axis, and the numbers of the state. Pint evaluates it; it is never run as code.
+        contact: the elements.
+        state: pressure [Pa], speed [rad/s or m/s] and temperature [K above 0 degC].
+
+    Raises:
+        SceneError: the formula or the file is none.
+    """
+    import pint
+    from scipy.interpolate import griddata
+
+    out, motion = np.zeros(contact.interface.size), scene_motion(scene)
+    units = units_of_state(scene, x="m", y="m", gap="m", temperature="delta_degC")
+    registry = pint.get_application_registry()
+    known = {name: registry.Quantity(x, units[name]) for name, x in state.items()}
+    for name, given in scene.section("states").gap.items():
+        own = contact.interface == list(scene.contact).index(name)
+        x = contact.points[own]
+        flat = motion.local(x) if isinstance(motion, Rotation) else x
+        with reading(None, "as a gap", GAP, at=f"states.gap.{name} = {given[:80]!r}: "):
+            if given.endswith(".csv"):
+                table = read_columns(scene.path(given), units.__getitem__)
+                at = table[["x", "y"]], table.gap, x[:, :2]
+                inside, nearest = griddata(*at, "linear"), griddata(*at, "nearest")
+                out[own] = np.where(np.isfinite(inside), inside, nearest)
+            else:
+                places = zip("xyzr", [*x.T, np.hypot(*flat.T[:2])], strict=True)
+                known |= {n: registry.Quantity(place, "m") for n, place in places}
+                out[own] = registry.parse_expression(given, **known).to("m").magnitude
+            if not np.isfinite(out).all() or re.search(r"[^\w\s.+*/()-]", given):
+                raise ValueError("it is no number on some contact element")
+    return out

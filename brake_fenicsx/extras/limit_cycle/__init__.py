@@ -8,6 +8,7 @@ EXTRA = Extra(
     sections={"limit_cycle": f"{_HERE}.keys:LimitCycle"},
     check=f"{_HERE}.keys:check",
     samples={"limit cycles": f"{_HERE}.cycles:Cycles"},
+    of_squeal=True,
     # They meet higher harmonics: on the block of the tutorials amplitudes are off by 29 % with 1.8,
     # 7 % with 2.5, 0.7 % with 3 and 0.1 % with 4.
     band=3.0,

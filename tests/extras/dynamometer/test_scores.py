@@ -1,109 +1,118 @@
 """Scores against what they must be where the events are drawn from the predictions themselves."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pandas as pd
 import pytest
 
-from brake_fenicsx.extras.dynamometer.outcomes import Outcomes
-from brake_fenicsx.extras.dynamometer.scores import (
-    Events,
-    best_threshold,
-    brier,
-    match,
-    roc_area,
-    score_rows,
-)
+from brake_fenicsx.extras.dynamometer.outcomes import EVENT, by_family, match, occurrence
+from brake_fenicsx.extras.dynamometer.scores import scores, shares_by_threshold, with_intervals
 
-DRAWS = 200
+DRAWS, SAMPLES, STATES = 200, 100, 12
 
 
-def growing(rows, samples=100, states=12):
-    """Modes of the samples of an approach."""
-    modes = pd.DataFrame(rows, columns=["sample", "state", "family", "frequency", "damping"])
-    every = np.full(states, samples)
-    return Outcomes("multi-scale", every, 0 * every, 0 * every, [""] * states, modes)
+def growing(rows):
+    """Growing modes, of samples in states."""
+    return pd.DataFrame(rows, columns=["sample", "state", "family", "frequency_hz", "damping"])
 
 
-def random_modes(rng, states=12, samples=100):
-    """One mode of each sample in each state, whose growth rises from state to state."""
-    return growing([
-        (k, i, 0, 2000.0, -g) for i in range(states)
-        for k, g in enumerate(rng.exponential(0.002 + 0.001 * i, samples))
-    ])  # fmt: skip
-
-
-def test_intervals_hold_the_scores_of_events_drawn_from_the_model():
-    """200 draws: Brier score, area of the ROC and threshold lie within their intervals."""
-    rng = np.random.default_rng(5)
-    o, n = random_modes(rng), np.full(12, 20)
-    p = o.share(o.squeals(0.006))
-    true_brier = np.mean(p * (1 - p))
-    order = np.sign(p[:, None] - p) / 2 + 0.5
-    true_area = p @ order @ (1 - p) / (p.sum() * (1 - p).sum())
-    held = np.zeros(3)
-    for _ in range(DRAWS):
-        m = rng.binomial(n, p)
-        found = brier(p, n, m), roc_area(p, n, m), best_threshold(o, n, m)
-        for i, true in enumerate((true_brier, true_area, 0.006)):
-            held[i] += found[i][1] <= true <= found[i][2]
-    assert np.all((held >= 0.90 * DRAWS) & (held <= 0.995 * DRAWS)), held / DRAWS
-
-
-def test_scores_by_hand():
-    p, n, m = np.array([0.9, 0.1]), np.array([2, 2]), np.array([2, 0])
-    assert brier(p, n, m)[0] == pytest.approx(0.01)
-    assert roc_area(p, n, m)[0] == 1.0
-    assert roc_area(p, n, n - m)[0] == 0.0
-    assert roc_area(np.full(2, 0.5), n, m)[0] == 0.5
-
-
-@pytest.mark.hard
-@pytest.mark.parametrize("squealed", [0, 20])
-def test_no_event_at_all_and_every_stop_an_event(squealed):
-    """Neither tells an area of the ROC nor a threshold; the Brier score is known all the same."""
-    o, n, m = random_modes(np.random.default_rng(1)), np.full(12, 20), np.full(12, squealed)
-    assert roc_area(np.full(12, 0.5), n, m) == best_threshold(o, n, m) == (None, None, None)
-    value, low, high = brier(np.full(12, 0.5), n, m)
-    assert low <= value == 0.25 <= high
+def brake(states, stops, samples=SAMPLES):
+    """States of a brake, all of whose samples have modes."""
+    numbers = pd.RangeIndex(1, states + 1)
+    return pd.DataFrame({"stops": stops, "samples": samples, "section": ""}, numbers)
 
 
 def events(*rows):
-    return Events(pd.DataFrame(rows, columns=["state", "stop", "frequency", "level"]))
+    """Stops that squealed."""
+    return pd.DataFrame(rows, columns=EVENT, dtype=float)
+
+
+@pytest.fixture(scope="module")
+def model():
+    """Modes whose growth rises from state to state; shares at the threshold 0.006, and of all."""
+    rng = np.random.default_rng(5)
+    modes = growing([
+        (k, i, 0, 2000.0, -g) for i in range(1, STATES + 1)
+        for k, g in enumerate(rng.exponential(0.002 + 0.001 * i, SAMPLES))
+    ])  # fmt: skip
+    states = brake(STATES, 20)
+    loud = modes[modes.damping < -0.006]
+    p = by_family(states, loud, match(events(), loud, 1.0))[:STATES].share.to_numpy()
+    return p, shares_by_threshold(modes, states.samples)
+
+
+def test_intervals_hold_the_scores_of_events_drawn_from_the_model(model):
+    """200 draws: Brier score, area of the ROC and threshold lie within their intervals."""
+    (p, tried), rng, n = model, np.random.default_rng(1), np.full(STATES, 20.0)
+    order = np.sign(p[:, None] - p) / 2 + 0.5
+    area = p @ order @ (1 - p) / (p.sum() * (1 - p).sum())
+    true, held = np.array([np.mean(p * (1 - p)), area, 0.006]), np.zeros(3)
+    for _ in range(DRAWS):
+        _, low, high = with_intervals(p, n, rng.binomial(20, p).astype(float), *tried).T
+        held += (low <= true) & (true <= high)
+    assert np.all((held >= 0.90 * DRAWS) & (held <= 0.98 * DRAWS)), held / DRAWS
+
+
+def test_scores_by_hand():
+    p, n, m = np.array([0.9, 0.1]), np.full(2, 2.0), np.array([2.0, 0.0])
+    none = np.zeros(1), np.full((1, 2), 0.5)
+    assert with_intervals(p, n, m, *none)[:2, 0] == pytest.approx([0.01, 1.0])
+    assert with_intervals(p, n, n - m, *none)[1, 0] == 0.0
+    assert with_intervals(np.full(2, 0.5), n, m, *none)[1, 0] == 0.5
+
+
+@pytest.mark.hard
+@pytest.mark.parametrize("squealed", [0.0, 20.0])
+def test_no_event_at_all_and_every_stop_an_event(squealed, model):
+    """Neither tells an area of the ROC nor a threshold; the Brier score is known all the same."""
+    p, n = np.full(STATES, 0.5), np.full(STATES, 20.0)
+    found = with_intervals(p, n, np.full(STATES, squealed), *model[1])
+    assert np.isnan(found[1:]).all()
+    value, low, high = found[0]
+    assert low <= value == 0.25 <= high
 
 
 @pytest.mark.hard
 def test_two_families_closer_than_the_tolerance_are_counted():
     """An event between two families is matched with the nearer one, and both are counted."""
-    modes = growing(
-        [(0, 0, 1, 2000.0, -0.1), (0, 0, 2, 2080.0, -0.1), (0, 1, 3, 5000.0, -0.1)]
-    ).modes
-    given = events((0, 0, 2030.0, np.nan), (0, 1, 2070.0, 80.0), (0, 2, 4990.0, 80.0),
-                   (1, 0, 3000.0, 80.0), (1, 1, np.nan, 80.0))  # fmt: skip
-    family, at, within = match(given, modes, 100.0)
-    # The family of 5 kHz does not squeal in state 0: its frequency is that of the others.
-    np.testing.assert_array_equal(family, [1, 2, 3, -1, -1])
-    np.testing.assert_array_equal(within, [2, 2, 1, 0, 0])
-    np.testing.assert_allclose(at, [2000.0, 2080.0, 5000.0, np.nan, np.nan])
+    modes = growing([
+        (0, 1, 1, 2000.0, -0.1), (0, 1, 2, 2080.0, -0.1), (0, 2, 3, 5000.0, -0.1),
+    ])  # fmt: skip
+    heard = events((1, 0, 2030.0, np.nan), (1, 1, 2070.0, 80.0), (1, 2, 4990.0, 80.0),
+                   (2, 0, 3000.0, 80.0), (2, 1, np.nan, 80.0))  # fmt: skip
+    found = match(heard, modes, 100.0)
+    # The family of 5 kHz does not squeal in state 1: its frequency is that of the others.
+    assert [*found.family] == [1, 2, 3, -1, -1]
+    assert [*found.families_within_tolerance] == [2, 2, 1, 0, 0]
+    at = [2000.0, 2080.0, 5000.0, np.nan, np.nan]
+    np.testing.assert_allclose(found.family_frequency_hz, at)
 
 
+@pytest.mark.hard
 def test_events_match_nothing_where_nothing_squeals():
-    none = growing([]).modes.astype({"family": int, "state": int, "frequency": float})
-    family, at, within = match(events((0, 0, 2030.0, 80.0)), none, 100.0)
-    assert family == [-1] and np.isnan(at).all() and within == [0]
+    """Without a mode that squeals an event has no family, and no state squeals."""
+    none = growing([]).astype({"family": int, "state": int, "frequency_hz": float})
+    found = match(events((1, 0, 2030.0, 80.0)), none, 100.0)
+    assert [*found.family] == [-1] and found.family_frequency_hz.isna().all()
+    shares = by_family(brake(2, 4), none, found)
+    assert [*shares.share] == [0.0, 0.0] and [*shares.measured_stops] == [1, 0]
 
 
 def test_hits_misses_and_false_alarms_by_hand():
-    """State 0: all samples squeal, 3 of 4 stops do; state 1: none squeals, 1 of 4 stops does."""
-    o = growing([(k, 0, 7, 2000.0, -0.1) for k in range(100)], states=2)
-    scene = SimpleNamespace(
-        stability=SimpleNamespace(threshold=0.0), samples=SimpleNamespace(limit=0.5),
-        section=lambda name: SimpleNamespace(tolerance=100.0),
-    )  # fmt: skip
-    states = pd.DataFrame({"stops": [4, 4]})
-    given = events(*((0, i, 2010.0, 80.0) for i in range(3)), (1, 5, 3000.0, 80.0))
-    every, family = score_rows(o, scene, states, given)
-    assert every[1:7] == [-2, 4, 3, 1, 1, 3]
-    assert family[1:7] == [7, 3, 3, 0, 1, 4]
-    assert "tell little" in every[-1]
+    """State 1: all samples squeal, 3 of 4 stops do; state 2: none squeals, 1 of 4 stops does."""
+    modes, states = growing([(k, 1, 7, 2000.0, -0.1) for k in range(SAMPLES)]), brake(2, 4)
+    heard = events(*((1, i, 2010.0, 80.0) for i in range(3)), (2, 5, 3000.0, 80.0))
+    heard = match(heard, modes, 100.0)
+    found = scores(by_family(states, modes, heard), states.samples, modes, 0.5)
+    counts = found.set_index("family")[["events", "hits", "misses", "false_alarms", "quiet"]]
+    assert [*counts.loc["all"]] == [4, 3, 1, 1, 3] and [*counts.loc["7"]] == [3, 3, 0, 1, 4]
+    assert found.note.str.contains("tell little").all()
+
+
+def test_stops_are_counted_by_section_and_band():
+    modes = growing([(k, 1, 7, 2000.0, -0.1) for k in range(50)])
+    states, heard = brake(2, [4, 6]).assign(section=["a", "b"]), events((2, 0, 5e3, 80.0))
+    bands = [(0.0, 9e3), (1e3, 3e3), (3e3, 9e3)]
+    found = occurrence(states, modes, match(heard, modes, 100.0), bands)
+    found = found.set_index(["section", "from_hz"])[["predicted_percent", "measured_percent"]]
+    assert [*found.loc["all", 0.0]] == [20.0, 10.0] and [*found.loc["a", 1e3]] == [50.0, 0.0]
+    np.testing.assert_allclose(found.loc["b", 3e3], [0.0, 100 / 6])

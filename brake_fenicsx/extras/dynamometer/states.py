@@ -1,0 +1,196 @@
+"""States of a dynamometer test: [states] of a scene, and what each state changes in the brake."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import reading
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.keys import key
+from brake_fenicsx.scene.samples_section import split_key, unit_of
+from brake_fenicsx.scene.scalars import SPEED, changes_bodies, check_scalar
+from brake_fenicsx.scene.units import to_si
+
+Frame = Any  # pandas.DataFrame
+AXES = ("pressure", "speed", "temperature")
+RISING = (lambda f: len(f) > 1 and [*f] == sorted({*f}), "write two or more rising frequencies")
+WAYS = ("forward", "reverse")
+REMEDY = "write known names with their unit, pressure [bar], speed [rad/s], temperature [degC]"
+
+
+@dataclass(frozen=True, slots=True)
+class States:
+    """[states]: stops of a dynamometer test, each a state of the brake ([page](dynamometer.md)).
+
+    Attributes:
+        matrix: CSV file with a state in each line; its heading names pressure, speed, temperature
+            (each with its unit in brackets), direction, section, stops. All loads with a pressure
+            have that of the state.
+        grid: values of the same headings, of which every combination is a state.
+        tables: CSV files of scalars over pressure, speed or temperature: headings are these, and
+            dotted keys of the scene.
+        outside: what happens to a state beyond the values of a table: "refuse", or "hold" its
+            last value.
+        gap: interface -> gap that is imposed on its elements: a formula with units, of x, y, z, the
+            distance r from the axis, and the numbers of the state, or a CSV file with the columns
+            x, y and gap.
+        bands: ends of the bands of frequency in which stops with squeal are counted.
+        events: CSV file of the stops that squealed: state or its numbers, frequency, stop, level.
+        tolerance: distance at most between the frequencies of an event and of a family.
+    """
+
+    matrix: str | None = key(default=None, file=True)
+    grid: dict[str, tuple[str, ...]] = key(default=dict)
+    tables: tuple[str, ...] = key(default=(), file=True)
+    outside: str = key(default="refuse", choices=("refuse", "hold"))
+    gap: dict[str, str] = key(default=dict, file=True)
+    bands: tuple[float, ...] = key("Hz", default=(1e3, 3e3, 8e3, 16e3), aside=True, rule=RISING)
+    events: str | None = key(default=None, aside=True)
+    tolerance: float = key("Hz", default=150.0, aside=True)
+
+
+def check(scene: Scene, _: Callable[[str], Scene]) -> Scene:
+    """States are of the reduced model, and its box holds what they change in the bodies.
+
+    Raises:
+        SceneError: the scene has no modes, or a file and its line say what is no state.
+    """
+    from .outcomes import read_events
+
+    table = scene.section("states")
+    if bool(table.matrix) == bool(table.grid):
+        raise SceneError("states: write matrix, a file, or grid, a table of values; one of the two")
+    if scene.stability is None or scene.stability.method != "reduced":
+        raise SceneError('states: needs [stability] with method = "reduced"')
+    states = read_matrix(scene)
+    if WAYS[1] in {*states.direction} and scene.damping and scene.damping.gyroscopic:
+        raise SceneError("states: reverse turns the gyroscopic term; leave it out of the damping")
+    for name in {*table.gap} - {*scene.contact}:
+        raise SceneError(f"states.gap.{name}: contact has only {', '.join(scene.contact)}")
+    read_events(scene, states)
+    values = state_values(scene, states).items()
+    ranges = {name: tuple(x.tolist()) for name, x in values if changes_bodies(scene, name)}
+    return replace(scene, spanned={**scene.spanned, **ranges})
+
+
+def read_columns(path: Path, units: Callable[[str], str | None], grid: Any = None) -> Frame:
+    """A table in SI units, of a CSV file whose heading names them, "pressure [bar]".
+
+    Args:
+        path: the file.
+        units: SI unit of a column by its name, degC of a temperature; None of texts.
+        grid: heading -> values, of which every combination stands in the place of the file.
+
+    Raises:
+        SceneError: file, heading, line, value and remedy.
+    """
+    import pandas as pd
+
+    with reading(None if grid else path, "as a CSV file", "write as many cells in every line"):
+        if grid:
+            table = pd.DataFrame([*product(*grid.values())], columns=[*grid])
+        else:
+            table = pd.read_csv(path, dtype=str, keep_default_na=False)
+    if table.empty:
+        raise SceneError(f"{path}: contains no line of values below its heading")
+    found = dict[str, Any]()
+    for head, cells in table.items():
+        at = f"{path}: heading {head!r}: "
+        with reading(None, "as values with a unit", REMEDY, at=at):
+            name, _, unit = (part.strip(" ]") for part in str(head).partition("["))
+            found[name], si = cells.str.strip(), units(name)
+            if si is not None:
+                numbers = pd.to_numeric(cells, errors="coerce").to_numpy(float)
+                for i in np.flatnonzero(~np.isfinite(numbers)):
+                    raise SceneError(f"{at}line {i + 2}: {cells[i]!r}: write a number")
+                found[name] = numbers * (1.0 if unit == si else to_si(f"1 {unit}", si))
+    return pd.DataFrame(found)
+
+
+def units_of_state(scene: Scene, **more: str | None) -> dict[str, str | None]:
+    """SI units of the numbers of a state, and others."""
+    turns = scene.motion is None or scene.motion.direction is None
+    units = {"pressure": "Pa", "speed": "rad/s" if turns else "m/s", "temperature": "degC"}
+    return {**units, "direction": None, **more}
+
+
+def read_matrix(scene: Scene) -> Frame:
+    """The states of a scene, of its file or its grid, numbered from 1.
+
+    Returns:
+        Columns pressure [Pa], speed [rad/s or m/s] and temperature [degC], those that are given;
+        direction, section and stops.
+
+    Raises:
+        SceneError: file or key, value and remedy.
+    """
+    table = scene.section("states")
+    path = scene.path(table.matrix or "states.grid")
+    units = units_of_state(scene, section=None, stops="").__getitem__
+    given = read_columns(path, units, table.grid)
+    rest = {"direction": WAYS[0], "section": "", "stops": 1.0}
+    states = given.assign(**{name: x for name, x in rest.items() if name not in given})
+    positive = states[[name for name in ("pressure", "speed", "stops") if name in states]] > 0
+    right = positive.all(axis=1) & (states.stops % 1 == 0) & states.direction.isin(WAYS)
+    for i in states.index[~right]:
+        line = f"{path}: line {i + 2}: {', '.join(map(str, states.loc[i]))}"
+        raise SceneError(f"{line}: positive numbers, whole stops, {' or '.join(WAYS)} are needed")
+    return states.astype({"stops": int}).set_index(states.index + 1)
+
+
+def state_values(scene: Scene, states: Frame) -> Frame:
+    """Scalars of the scene that differ from state to state, by dotted key, SI.
+
+    Raises:
+        SceneError: a key is none, or a table does not reach a state.
+    """
+    import pandas as pd
+
+    found = dict[str, Any]()
+    for name, load in scene.loads.items():
+        if "pressure" in states and load.pressure is not None:
+            found[f"loads.{name}.pressure"] = states.pressure
+    if "speed" in states and scene.motion is not None:
+        with suppress(SceneError):  # else nothing but the tables depends on it
+            check_scalar(scene, "states", SPEED)
+            found[SPEED] = np.copysign(states.speed, scene.motion.rate)
+    for name in scene.section("states").tables:
+        found |= _interpolated(scene.path(name), scene, states)
+    written = {split_key(name): name for name in scene.varied}
+    values = {written.get(split_key(name), name): x for name, x in found.items()}
+    return pd.DataFrame(values, states.index, dtype=float)
+
+
+def _interpolated(path: Path, scene: Scene, states: Frame) -> dict[str, Any]:
+    """Scalars of a table in all states: linear between its nodes, which are a grid."""
+    from scipy.interpolate import RegularGridInterpolator
+
+    units = units_of_state(scene)
+    table = read_columns(path, lambda name: units[name] if name in AXES else unit_of(name))
+    over, keys = ([n for n in table if (n in AXES) is axis] for axis in (True, False))
+    for name in keys:
+        check_scalar(scene, str(path), name)
+    table, nodes = table.sort_values(over), [np.unique(table[name]) for name in over]
+    whole = over and keys and np.array_equal(table[over], [*product(*nodes)])
+    if not whole or {*over} - {*states}:
+        raise SceneError(f"{path}: write a line for each combination of numbers that states have")
+    low, high = table[over].min(), table[over].max()
+    held = states[over].clip(low, high, axis=1)
+    beyond = (states[over] - held).abs() > 1e-9 * high.abs()  # units have round-off
+    for i, name in beyond[beyond].stack().dropna().index:
+        if scene.section("states").outside != "hold":
+            ends = f"lies outside {low[name]:g} to {high[name]:g}; add lines, or write"
+            value = f"{name} = {states[name][i]:g} of state {i}"
+            raise SceneError(f'{path}: {value} {ends} states.outside = "hold"')
+    shape = [*map(len, nodes)]
+    return {
+        n: RegularGridInterpolator(nodes, table[n].to_numpy().reshape(shape))(held) for n in keys
+    }

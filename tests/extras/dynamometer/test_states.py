@@ -1,0 +1,145 @@
+"""States, tables over their numbers, and imposed gaps, as files and scenes write them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extras.dynamometer.state_modes import imposed_gap
+from brake_fenicsx.extras.dynamometer.states import read_matrix, state_values
+from brake_fenicsx.macro.gap import EnrichedGap
+from brake_fenicsx.micro import OneLaw, exponential_law
+from brake_fenicsx.scene import read_scene
+from coarse_block import BLOCK, FRICTION, ROUGH
+
+MU = f"pressure [bar],temperature [degC],{FRICTION}\n2,20,0.3\n2,120,0.2\n8,20,0.5\n8,120,0.6\n"
+STATES = (
+    "pressure [MPa],temperature [degC],direction,section,stops\n"
+    "0.2,20,forward,a,3\n0.8,120,reverse,b,2\n0.5,70,forward,b,1\n"
+)
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A scene by its files and its [states], as a mapping."""
+
+    def read(states=STATES, table=MU, **keys):
+        (tmp_path / "matrix.csv").write_text(states)
+        (tmp_path / "mu.csv").write_text(table)
+        (tmp_path / "block.toml").write_text(BLOCK.read_text())
+        own = {} if "grid" in keys else {"matrix": '"matrix.csv"'}
+        given = ", ".join(f"{n} = {x}" for n, x in ({"tables": '["mu.csv"]'} | own | keys).items())
+        return read_scene(tmp_path / "block.toml", [*ROUGH, f"states={{ {given} }}"])
+
+    return read
+
+
+def test_tables_are_exact_at_their_nodes_and_linear_between(scene):
+    found = scene()
+    states = read_matrix(found)
+    np.testing.assert_allclose(states.pressure, [2e5, 8e5, 5e5])
+    assert [*states.direction] == ["forward", "reverse", "forward"] and states.stops.sum() == 6
+    values = state_values(found, states)
+    np.testing.assert_allclose(values[FRICTION], [0.3, 0.6, 0.4], rtol=1e-12)
+    np.testing.assert_allclose(values["loads.block.top.pressure"], [2e5, 8e5, 5e5])
+
+
+def test_a_grid_has_every_combination(scene):
+    numbers = '{ "pressure [bar]" = ["2", "8"], "temperature [degC]" = ["20", "70", "120"] }'
+    found = scene(grid=numbers)
+    states = read_matrix(found)
+    assert len(states) == 6 and {*states.section} == {""}
+    values = state_values(found, states)
+    np.testing.assert_allclose(values[FRICTION], [0.3, 0.25, 0.2, 0.5, 0.55, 0.6])
+
+
+@pytest.mark.hard
+@pytest.mark.parametrize(
+    ("states", "keys", "said"),
+    [
+        (STATES.replace("[MPa]", ""), {}, "heading 'pressure ': .*write known names with their"),
+        (STATES.replace("degC", "F"), {}, r"write .*temperature \[degC\]"),
+        (STATES.replace("section", "remark"), {}, "heading 'remark': .*write known names"),
+        (STATES.replace("20", "warm"), {}, "line 2: 'warm': write a number"),
+        (STATES.replace("reverse", "back"), {}, "line 3: .*back.*forward or reverse"),
+        (STATES.replace(",3\n", ",2.5\n"), {}, "line 2: .*2.5: positive numbers, whole stops"),
+        (STATES.replace("0.8", "0.9"), {}, r"mu.csv: pressure = 900000 of state 2 lies outside"),
+        (STATES.replace("0.2", "-0.2"), {"outside": '"hold"'}, "positive numbers"),
+        (STATES.split("\n")[0] + "\n", {}, "no line of values"),
+        (STATES, {"rows": "1"}, "unknown key"),
+        (STATES, {"grid": '{ "pressure [bar]" = ["2"] }', "matrix": '"matrix.csv"'}, "one of the"),
+        (STATES, {"bands": '["3 kHz", "1 kHz"]'}, "states.bands .*rising"),
+        (STATES, {"gap": "{ other = '1 um' }"}, "states.gap.other: contact has only block_plate"),
+        (STATES, {"events": "'none.csv'"}, "none.csv: no such file"),
+    ],
+)
+def test_what_is_no_state_is_named(states, keys, said, scene):
+    """Units, words, numbers and ranges of a matrix of states: file, line, value and remedy."""
+    with pytest.raises(SceneError, match=said) as error:
+        scene(states, **keys)
+    assert "\n" not in str(error.value)
+
+
+def test_beyond_a_table_its_last_value_is_held_where_the_scene_says_so(scene):
+    found = scene(STATES.replace("0.8", "0.9"), outside='"hold"')
+    np.testing.assert_allclose(state_values(found, read_matrix(found))[FRICTION].iloc[1], 0.6)
+
+
+@pytest.mark.hard
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        (MU.replace("8,120,0.6\n", ""), "a line for each combination of"),
+        (MU.replace(FRICTION, "contact.other.friction"), "contact.other"),
+        (f"speed [m/s],{FRICTION}\n1,0.2\n2,0.3\n", "numbers that states have"),
+        (f"{FRICTION}\n0.2\n", "a line for each combination of"),
+    ],
+)
+def test_what_is_no_table_is_named(table, said, scene):
+    """A table of scalars over the numbers of the states is a grid of keys that the scene has."""
+    with pytest.raises(SceneError, match=said):
+        scene(table=table)
+
+
+def gap(text, r, **state):
+    """A gap on elements along the axis x; a pad alone."""
+    contact = SimpleNamespace(interface=np.zeros(r.size, int), points=np.array([r, 0 * r, 0 * r]).T)
+    table = SimpleNamespace(gap={"pad": text})
+    scene = SimpleNamespace(contact={"pad": None}, motion=None, section=lambda name: table)
+    return imposed_gap(scene, contact, state)
+
+
+def test_formulas_are_lengths_of_the_place_and_the_state():
+    found = gap("-2 um * ((r - 3 mm) / mm) ** 2 + 1 um * temperature / (50 K)",
+                np.array([3e-3, 4e-3]), temperature=100.0)  # fmt: skip
+    np.testing.assert_allclose(found, [2e-6, 0.0], atol=1e-18)
+
+
+@pytest.mark.hard
+@pytest.mark.parametrize(
+    "text",
+    ["__import__('os')", "x.shape", "x[0]", "open(x)", "q", "1 um / 0", "x +", "'a'", "2", "x * x",
+     "none/there.csv"],
+)  # fmt: skip
+def test_what_is_no_gap_is_named(text):
+    """A gap is a formula that gives a length, never code, or a file that is there."""
+    with pytest.raises(SceneError, match=r"states.gap.pad = .*; write a length with units"):
+        gap(text, np.ones(2))
+
+
+def test_a_coned_gap_over_a_rigid_annulus_has_its_closed_form():
+    """p0 exp(-g/u0) on r1 < r < r2 with the gap c (r - r1): F = 2 pi p0 e^(-g/u0) I, with
+
+    I = int exp(-c (r - r1) / u0) r dr in closed form. A positive gap opens the patch.
+    """
+    r1, r2, c, p0, u0, F = 0.096, 0.140, 1e-5 / 0.044, 10e6, 2e-6, 5e3
+    edges = np.linspace(r1, r2, 2001)
+    r = 0.5 * (edges[1:] + edges[:-1])
+    coned = gap("10 um * (r - 96 mm) / (44 mm)", r)
+    laws = EnrichedGap(OneLaw(exponential_law(p0, u0)), np.zeros(r.size, np.intp), -coned)
+    a = c / u0
+    closed = (r1 / a + 1 / a**2) - np.exp(-a * (r2 - r1)) * (r2 / a + 1 / a**2)
+    g = u0 * np.log(2 * np.pi * p0 * closed / F)
+    w = np.pi * (edges[1:] ** 2 - edges[:-1] ** 2)
+    assert w @ laws.pressure(np.full(r.size, g)) == pytest.approx(F, rel=1e-6)
