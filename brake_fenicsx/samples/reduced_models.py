@@ -37,11 +37,7 @@ from .numbering import Numbering, dof_places
 from .sampling import friction_of_contact
 
 if TYPE_CHECKING:
-    from brake_fenicsx.stability.substructures import (
-        ContactLinearisation,
-        Parameters,
-        ReducedModel,
-    )
+    from brake_fenicsx.stability.substructures import ContactLinearisation, Parameters, ReducedModel
 
     from .sampling import SampleInput
 

@@ -35,8 +35,10 @@ HEADS = (
     "difference / standard error", "unit",
 )  # fmt: skip
 # What a library says of its laws at a pressure.
-AT = (("separation", "m", "d"), ("loading stiffness", "Pa/m", "k"),
-      ("stiffness of vibrations", "Pa/m", "v"), ("touching share", "-", "area"))  # fmt: skip
+AT = (
+    ("separation", "µm", "d", 1e6), ("loading stiffness", "N/mm³", "k", 1e-9),
+    ("stiffness of vibrations", "N/mm³", "v", 1e-9), ("touching share", "-", "area", 1.0),
+)  # fmt: skip
 LOOKS = (BLUE, "-"), (VERMILION, "--")
 CAPTION = (
     "Power spectral density, bearing curve, and median stiffness of small vibrations of the laws"
@@ -67,8 +69,8 @@ def _laws(runs: Runs) -> Iterator[list[Value]]:
     libraries = [library for run in runs if (library := _library(run)) is not None]
     for p in pressures(runs) if len(libraries) == 2 else []:
         steps = [library.at_pressure(p) for library in libraries]
-        for name, unit, key in AT:
-            x, y = (_median(getattr(at, key)) for at in steps)
+        for name, unit, key, factor in AT:
+            x, y = (factor * _median(getattr(at, key)) for at in steps)
             yield [name, unit, p, x, None, y, None, _ratio(x, y), None]
 
 
@@ -163,7 +165,7 @@ def draw_surfaces(runs: Runs) -> Figure:
             stiffness.fill_between(p / 1e6, low, high, color=colour, alpha=0.2, lw=0)
             stiffness.loglog(p / 1e6, middle, **looks)
     ticks = [p / 1e6 for p in PRESSURES]
-    spectrum.set(xlabel="wave number [rad/mm]", ylabel="density [m$^4$]")
+    spectrum.set(xlabel="wave number [1/mm]", ylabel="density [m$^4$]")
     bearing.set(xlabel="material ratio [%]", ylabel=r"height [$\mu$m]")
     stiffness.set_xticks(ticks, [f"{p:g}" for p in ticks])
     stiffness.minorticks_off()
