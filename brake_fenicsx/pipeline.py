@@ -385,6 +385,7 @@ def draw_beside(this: Run, study: Study, first: First) -> None:
 
 def draw_mesh(this: Run, brake: Brake) -> None:
     """Picture of the mesh, a colour for each layer."""
+    from brake_fenicsx.report.mode_fields import tied_bodies
     from brake_fenicsx.report.render import render_mesh
 
     tags = brake.mesh.cell_tags
@@ -393,7 +394,8 @@ def draw_mesh(this: Run, brake: Brake) -> None:
     names = {tag: name for name, tag in brake.mesh.layers.items()}
     title = "Mesh: {cells} cells, {dofs} free dofs".format(**this.facts)
     path = this.store.path("figures") / "mesh.png"
-    render_mesh(path, brake.elastic.free.V, layer, names, title)
+    bodies = tied_bodies(this.scene, brake)
+    render_mesh(path, brake.elastic.free.V, layer, names, title, bodies)
 
 
 def report(

@@ -308,7 +308,7 @@ def test_time_to_go_is_that_of_the_samples_left(caplog, monkeypatch):
         "samples: 3 of 9, 60 s to go",
         "pieces: 1 of 6, time to go not known yet",
         "pieces: 4 of 6, 10 s to go",
-        "pieces: 6 of 6 in 2 min",
+        "pieces: 6 of 6, in 2 min",
     ]
 
 

@@ -67,7 +67,7 @@ for k in range(3):
     said = pty_output([sys.executable, "-c", code])
     assert re.search(r"samples: 2 of 3, < 1 s to go \|█+ *\|", said)
     lines = [line.rpartition("\r")[2].strip() for line in said.split("\n") if line.strip()]
-    assert lines == ["line 0", "line 1", "line 2", "samples: 3 of 3 in < 1 s"]
+    assert lines == ["line 0", "line 1", "line 2", "samples: 3 of 3, in < 1 s"]
 
 
 def pty_output(words):

@@ -4,7 +4,8 @@ Every run keeps a file ``running/HOST-PROCESS-START.run`` in the folder and touc
 minute. The folder, or a share of its samples, belongs to the run whose name stands in its claim
 file; creating this file is atomic (O_EXCL). A claim is stale if the file of its run is gone, if its
 process on this machine has ended, or if, on another machine, its file was not touched for
-``SILENCE`` seconds. A stale claim is named in the log and taken over.
+``SILENCE`` seconds. A stale claim is named in the log and taken over, at once: the leases of
+filelock 4.3 watch an unchanged claim of another machine for the whole term first, however old.
 
 Shares of a run: the tasks of a job array compute the samples of one scene in parts.
 """

@@ -14,10 +14,12 @@ from bisect import bisect_right
 from collections.abc import Callable
 from contextlib import nullcontext
 from itertools import accumulate
+from logging.handlers import MemoryHandler
 from pathlib import Path
 from typing import Any, TypeVar
 
 T = TypeVar("T")
+H = TypeVar("H", bound=logging.Handler)
 logger = logging.getLogger("brake_fenicsx")
 # What no later work of the run survives either.
 FATAL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO}
@@ -38,34 +40,38 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
         level: from which level on the terminal shows it; as before if not given.
     """
     before = next((h for h in logger.handlers if isinstance(h, _Terminal)), None)
+    early = next((h for h in logger.handlers if isinstance(h, MemoryHandler)), None)
     # A record that cannot be written, as on a full disc, is no reason for a traceback.
     logging.raiseExceptions = False
     # The form compiler logs its command lines at INFO on the root logger, and distutils lowers the
     # root's level again at the first form; a handler that is there keeps its own.
     root = logging.getLogger()
     if not root.handlers:
-        warnings = logging.StreamHandler(sys.stderr)
-        warnings.setLevel(logging.WARNING)
-        warnings.setFormatter(_Lines())
-        root.addHandler(warnings)
+        root.addHandler(_set(logging.StreamHandler(sys.stderr), logging.WARNING))
     logger.handlers.clear()
     logger.propagate = False
     logger.setLevel(logging.DEBUG)
     if rank != 0:
         logger.addHandler(logging.NullHandler())
         return
-    terminal = _Terminal(sys.stderr, keeps=file is None)
-    terminal.setLevel(level or (before.level if before else logging.INFO))
-    terminal.setFormatter(_Lines())
-    logger.addHandler(terminal)
-    if file is not None:
-        handler = logging.FileHandler(file, encoding="utf-8")
-        handler.setLevel(min(terminal.level, logging.INFO))
-        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
-        logger.addHandler(handler)
-        # What was said before there was a file.
-        for record in before.said if before else ():
-            handler.handle(record)
+    shown = level or (before.level if before else logging.INFO)
+    logger.addHandler(terminal := _set(_Terminal(sys.stderr), shown))
+    if file is None:
+        # What is said before there is a file is kept for it.
+        logger.addHandler(_set(MemoryHandler(sys.maxsize, sys.maxsize), terminal.level))
+        return
+    form = logging.Formatter("%(asctime)s %(levelname)s %(message)s")
+    handler = logging.FileHandler(file, encoding="utf-8")
+    logger.addHandler(_set(handler, min(terminal.level, logging.INFO), form))
+    if early is not None:
+        early.setTarget(handler)
+        early.flush()
+
+
+def _set(handler: H, level: int | str, form: logging.Formatter | None = None) -> H:
+    handler.setLevel(level)
+    handler.setFormatter(form or _Lines())
+    return handler
 
 
 class _Lines(logging.Formatter):
@@ -78,20 +84,22 @@ class _Lines(logging.Formatter):
 
 
 class _Terminal(logging.StreamHandler):
-    """The handler whose level the command line sets; keeps what it said until there is a file."""
-
-    def __init__(self, stream: Any, keeps: bool) -> None:
-        super().__init__(stream)
-        self.keeps = keeps
-        self.said: list[logging.LogRecord] = []
+    """The handler whose level the command line sets."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Show a record."""
-        if self.keeps:
-            self.said.append(record)
         bars = sys.modules.get("tqdm")  # a bar below the lines makes room
         with bars.tqdm.external_write_mode(self.stream) if bars else nullcontext():
             super().emit(record)
+
+    def bar(self, what: str, total: int) -> Any:
+        """A bar that is updated in place; None where lines are not shown, or no terminal is."""
+        if self.level > logging.INFO or not self.stream.isatty():
+            return None
+        from tqdm import tqdm
+
+        form = "{desc}: {n_fmt} of {total_fmt}{postfix} |{bar}|"
+        return tqdm(total=total, desc=what, leave=False, bar_format=form, file=self.stream)
 
 
 class Progress:
@@ -108,47 +116,36 @@ class Progress:
             counts: how many pieces there are of each kind, in the order in which they come.
             processes: how many processes share them.
         """
-        self.what, self.total, self.done, self.processes = what, sum(counts), 0, processes
-        self.ends = list(accumulate(counts))
-        self.measured: list[list[float]] = [[] for _ in counts]
+        self.what, self.processes, self.done = what, processes, 0
+        self.ends, self.measured = [*accumulate(counts)], [list[float]() for _ in counts]
         self.start = self.last = self.said = time.perf_counter()
-        self.bar: Any = None
         terminal = next((h for h in logger.handlers if isinstance(h, _Terminal)), None)
-        shown = terminal is not None and terminal.level <= logging.INFO
-        if self.total and shown and terminal.stream.isatty():
-            from tqdm import tqdm
-
-            form = "{desc}: {n_fmt} of {total_fmt}{postfix} |{bar}|"
-            self.bar = tqdm(
-                total=self.total, desc=what, leave=False, bar_format=form, file=terminal.stream
-            )
+        self.bar = terminal.bar(what, self.ends[-1]) if terminal and self.ends[-1] else None
 
     def advance(self, n: int = 1) -> None:
         """Count ``n`` finished pieces, one of which this process has made since the last call."""
         now, kind = time.perf_counter(), bisect_right(self.ends, self.done + n - 1)
-        self.measured[min(kind, len(self.measured) - 1)].append(now - self.last)
+        self.measured[min(kind, len(self.ends) - 1)].append(now - self.last)
         self.done, self.last = self.done + n, now
+        ended = self.done >= self.ends[-1]
+        text = f"in {time_text(now - self.start)}" if ended else self.to_go()
         if self.bar is not None:
-            self.bar.set_postfix_str(self.to_go(), refresh=False)
+            self.bar.set_postfix_str(text, refresh=False)
             self.bar.update(n)
-        if self.done >= self.total:
-            if self.bar is not None:
-                self.bar.close()
-            took = time_text(now - self.start)
-            logger.info("%s: %d of %d in %s", self.what, self.done, self.total, took)
-        elif self.bar is None and now - self.said >= 5.0:
+        if self.bar is not None and ended:
+            self.bar.close()
+        if ended or (self.bar is None and now - self.said >= 5.0):
             self.said = now
-            logger.info("%s: %d of %d, %s", self.what, self.done, self.total, self.to_go())
+            logger.info("%s: %d of %d, %s", self.what, self.done, self.ends[-1], text)
 
     def to_go(self) -> str:
         """The time to go as text."""
-        seconds, begin = 0.0, 0
-        for end, measured in zip(self.ends, self.measured, strict=True):
-            if left := max(0, end - max(self.done, begin)):
-                if not measured:
-                    return "time to go not known yet"
-                seconds += left * sum(measured) / len(measured)
-            begin = end
+        seconds = 0.0
+        for begin, end, measured in zip([0, *self.ends], self.ends, self.measured, strict=False):
+            left = max(0, end - max(self.done, begin))
+            if left and not measured:
+                return "time to go not known yet"
+            seconds += left * sum(measured) / max(len(measured), 1)
         return f"{time_text(seconds / self.processes)} to go"
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import resource
 import socket
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -61,24 +62,19 @@ def on_first(work: Callable[[], T], comm: MPI.Comm) -> T:
     return one
 
 
-def meanwhile(work: Callable[[], None], comm: MPI.Comm) -> Callable[[], None]:
+def meanwhile(work: Callable[[], T], comm: MPI.Comm) -> Callable[[], T]:
     """Work of the first process that the others do not wait for.
 
     Returns:
-        What raises on all of them what it raised; collective.
+        What gives its result on all of them, or raises what it raised; collective.
     """
-    failed: Exception | None = None
+    done = Future[T]()
     if comm.rank == 0:
         try:
-            work()
+            done.set_result(work())
         except Exception as error:
-            failed = error
-
-    def end() -> None:
-        if (error := comm.bcast(failed, root=0)) is not None:
-            raise error
-
-    return end
+            done.set_exception(error)
+    return lambda: on_first(done.result, comm)
 
 
 def peak_memory(comm: MPI.Comm) -> tuple[float, float]:

@@ -18,7 +18,7 @@ from .contact_figures import draw_contact_maps, draw_contact_pressure, draw_laws
 from .input_figures import draw_correlations, draw_driver_maps, draw_drivers, draw_sensitivity
 from .page_blocks import Block, Picture
 from .sample_figures import draw_convergence, draw_counts, draw_errors, draw_probability
-from .squeal_figures import draw_families, draw_squeal_map
+from .squeal_figures import draw_squeal_map
 from .style import house_style, save
 from .surface_figures import (
     draw_artificial,
@@ -96,13 +96,6 @@ PLOTS: tuple[Plot, ...] = (
         "grey where it lies above the threshold of squeal. Without damping terms an unstable mode "
         "has a mirror image that decays. SQUEAL",
         draw_squeal_map,
-    ),
-    Plot(
-        "squeal_families",
-        "Squeal modes by family (the same mode recognised in many samples), the most severe first: "
-        "mean frequency, number of samples in which the family squeals, median damping there; the "
-        "same colour marks the same frequency. SQUEAL",
-        draw_families,
     ),
     Plot(
         "probability_per_band",

@@ -14,14 +14,7 @@ from brake_fenicsx.results.run import RunData, read_run
 from brake_fenicsx.results.tables import Value
 
 from .figures import figures, make_figures
-from .mode_cards import (
-    Card,
-    ModePictures,
-    family_card,
-    family_table_cells,
-    often_text,
-    other_cards,
-)
+from .mode_cards import Card, ModePictures, family_card, family_table_cells, often_text, other_cards
 from .page_blocks import Block, Picture, Section, Special, Table, Text, render, write_page
 from .sections import appendix_sections, forces_blocks, input_blocks, rows_of_each, sweep_blocks
 from .squeal_figures import squeal_map

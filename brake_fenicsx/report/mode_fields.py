@@ -15,16 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.folder.log import spared
 from brake_fenicsx.folder.processes import meanwhile, on_first
 from brake_fenicsx.folder.sample_files import Task
-from brake_fenicsx.macro.faces import gather_face
+from brake_fenicsx.macro.faces import body_of_nodes, gather_face
+from brake_fenicsx.meshing.rawmesh import body_of_points
 from brake_fenicsx.results.run import RunData, read_run, save_tables
 from brake_fenicsx.results.squeal import ModeKey
 from brake_fenicsx.results.tables import RowTable
 from brake_fenicsx.samples.forces import contact_of
 from brake_fenicsx.samples.solve import displacements
 from brake_fenicsx.samples.study import Study
+from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.digest import in_effect
 
@@ -133,11 +136,8 @@ def prepare_shapes(
     faces = contact_faces(study)
     run, drawn = _severe(study)
     # On one process: the factor of all bodies is large. The others take those of single bodies.
-    lost: list[str] = []
     written = meanwhile(
-        lambda: lost.extend(
-            spared("fields of the equilibria", lambda: _write_equilibria(study, first, faces))[1]
-        ),
+        lambda: spared("fields of the equilibria", lambda: _write_equilibria(study, first, faces)),
         comm,
     )
     modes = []
@@ -146,7 +146,7 @@ def prepare_shapes(
         stored = study.stored(task)
         modes.append((study.sample(task), stored, np.array([mode.mode])))
     found, missing = spared("shapes of modes", lambda: displacements(study.models, modes, comm, 1))
-    written()
+    missing = written()[1] + missing
     shapes, works = iter(found or ()), []
     for chosen in drawn if found is not None else ():
         own = [next(shapes) for _ in chosen]
@@ -157,7 +157,7 @@ def prepare_shapes(
             for mode, (_, error) in zip(chosen, own, strict=True)
             if not error[0] <= EXACT
         ]
-    return ShapeWorks(works, comm.bcast(lost, root=0) + missing)
+    return ShapeWorks(works, missing)
 
 
 def write_shapes(study: Study, rows: Sequence[ModeShape]) -> None:
@@ -247,7 +247,7 @@ def _shape_works(
         pictures: whether they are drawn.
     """
     store, name, free = study.store, chosen[0].approach, study.brake.elastic.free
-    V, rotors = free.V, _rotors(study)
+    V, rotors, bodies = free.V, _rotors(study), tied_bodies(study.scene, study.brake)
 
     def write() -> None:
         pairs = zip(chosen, shapes, strict=True)
@@ -264,8 +264,9 @@ def _shape_works(
         )
         picture = f"mode_{name}_{hertz}"
         if pictures:
-            render_mode(store.path("figures", f"{picture}.png"), V, shape, title)
-            animate_mode(store.path("figures", f"{picture}.webp"), V, shape)
+            render_mode(store.path("figures", f"{picture}.png"), V, shape, title, bodies)
+            moving = store.path("figures", f"{picture}.webp")
+            animate_mode(moving, V, shape, bodies=bodies)
         numbers = mode.family.number, mode.sample, mode.mode, mode.frequency, mode.damping
         return ModeShape.of(name, *numbers, picture, *_nodal_cells(rotors, V, shape))
 
@@ -274,6 +275,22 @@ def _shape_works(
         what = f"picture of the mode at {mode.frequency:.0f} Hz"
         works.append(partial(spared, what, partial(draw, mode, shape)))
     return works
+
+
+def tied_bodies(scene: Scene, brake: Brake) -> NDArray[np.intp]:
+    """Number of the body of each node, as pictures place them: ties join bodies to one.
+
+    A face may lie on several copies of a part; each copy is glued to what is nearest.
+    """
+    free = brake.elastic.free
+    body = body_of_nodes(free.V)
+    found = [np.column_stack([body, body])]
+    for tie in scene.ties.values():
+        first, second = (gather_face(brake.mesh, free, face) for face in tie.faces)
+        nearest = KDTree(second.centre).query(first.centre)[1]
+        ends = first.number[:, 0], second.number[nearest, 0]
+        found.append(np.column_stack([body[end] for end in ends]))
+    return body_of_points(np.concatenate(found), int(body.max(initial=-1)) + 1)[body]
 
 
 def _rotors(study: Study) -> dict[str, NDArray[np.intp]]:

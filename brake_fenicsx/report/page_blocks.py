@@ -19,12 +19,11 @@ from brake_fenicsx.results.tables import Value, show
 LONGEST = 60  # values of a list shown in full
 WIDEST = 1440  # pixels of a picture inside a page
 SMALL = 150_000  # bytes up to which a PNG is stored as it is
-SHORT = 28  # characters that are not broken into lines
 
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A text of its own: a paragraph ("text"), a "heading", or "preformatted" lines."""
+    """A text of its own: a paragraph ("text"), or "preformatted" lines."""
 
     text: str
     kind: str = "text"
@@ -82,33 +81,34 @@ class Section:
     blocks: list[Block] = field(default_factory=list)
 
 
-def pairs(what: str, content: Mapping[str, Any], digits: int = 12) -> Table:
-    """A nested mapping as a table of dotted names and values.
+def pairs(content: Mapping[str, Any]) -> list[Block]:
+    """A nested mapping as a list of dotted names and values in columns; nothing if it is empty.
 
     Args:
-        what: heading of the names.
-        content: the mapping.
-        digits: significant digits of numbers.
+        content: the mapping; stiffnesses [Pa/m] are shown in the unit of the figures.
     """
-    return Table([what, "value"], _flatten(content, digits))
+    return [Special("pairs", _flatten(content))] if content else []
 
 
-def _flatten(content: Mapping[str, Any], digits: int, above: str = "") -> list[tuple[str, str]]:
+def _flatten(content: Mapping[str, Any], above: str = "") -> list[tuple[str, str]]:
     found: list[tuple[str, str]] = []
     for key, value in content.items():
         if isinstance(value, Mapping):
-            found += _flatten(value, digits, f"{above}{key}.")
+            found += _flatten(value, f"{above}{key}.")
+        elif key.endswith("_Pa_per_m"):
+            name = f"{above}{key.removesuffix('_Pa_per_m')}_N_per_mm3"
+            found.append((name, _rounded(1e-9 * value)))
         else:
-            found.append((f"{above}{key}", _rounded(value, digits)))
+            found.append((f"{above}{key}", _rounded(value)))
     return found
 
 
-def _rounded(value: Any, digits: int) -> str:
+def _rounded(value: Any) -> str:
     """A value as text; of a long list the first values and their number."""
     if isinstance(value, list):
-        text = ", ".join(_rounded(v, digits) for v in value[:LONGEST]) or "none"
+        text = ", ".join(_rounded(v) for v in value[:LONGEST]) or "none"
         return f"{text}, ... ({len(value)} values)" if len(value) > LONGEST else text
-    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def write_page(path: Path, text: str) -> Path:
@@ -148,7 +148,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.filters |= {"show": show, "cell": _cell, "picture": picture, "raw": _uri}
+    found.filters |= {"show": show, "picture": picture, "raw": _uri}
     return found
 
 
@@ -176,10 +176,3 @@ def _uri(source: Path | bytes, form: str = "webp") -> str:
     """Address of a picture inside a page, as it is."""
     data = source if isinstance(source, bytes) else source.read_bytes()
     return f"data:image/{form};base64,{base64.b64encode(data).decode('ascii')}"
-
-
-def _cell(value: Value) -> str:
-    """Class of a cell in the style sheet."""
-    if isinstance(value, int | float):
-        return "number"
-    return "short" if isinstance(value, str) and len(value) <= SHORT else ""

@@ -1,7 +1,7 @@
 """Pictures of meshes and mode shapes, off screen: every body from both sides, side by side.
 
 Bodies that lie on each other hide their contact faces; drawn in a row, lowest first, they show
-them.
+them. What ties glue together stays together (``bodies``).
 """
 
 from __future__ import annotations
@@ -100,7 +100,9 @@ def pyvista() -> Any:
     return import_module("pyvista")
 
 
-def render_mode(path: str | Path, V: Any, values: NDArray, title: str = "") -> Path:
+def render_mode(
+    path: str | Path, V: Any, values: NDArray, title: str = "", bodies: NDArray | None = None
+) -> Path:
     """Draw a mode shape: warped, coloured by the displacement's amplitude, bodies in a row.
 
     A complex mode is drawn at the phase of its largest motion; its colour is the amplitude over the
@@ -111,11 +113,12 @@ def render_mode(path: str | Path, V: Any, values: NDArray, title: str = "") -> P
         V: vector function space of Lagrange elements, on a mesh of this process.
         values: all dofs, real or complex, shape (dofs,).
         title: heading of the picture.
+        bodies: number of the body of each node, shape (nodes,); those of the cells if not given.
 
     Returns:
         The path.
     """
-    surface, moved = mode_surface(V, values)
+    surface, moved = mode_surface(V, values, bodies)
     surface.points = np.asarray(surface.points) + np.real(moved(surface))
     images = _photographs(surface, "amplitude")
     compose(Path(path), images, title, _note(values))
@@ -128,6 +131,7 @@ def render_mesh(
     parts: NDArray | None = None,
     names: Mapping[int, str] | None = None,
     title: str = "",
+    bodies: NDArray | None = None,
 ) -> Path:
     """Draw the mesh with its edges, one colour per part, bodies in a row.
 
@@ -137,11 +141,12 @@ def render_mesh(
         parts: number of the part of each cell, shape (cells,); one part if not given.
         names: name of each part, for the legend.
         title: heading of the picture.
+        bodies: see ``render_mode``.
 
     Returns:
         The path.
     """
-    grid = _grid(V, parts)
+    grid = _grid(V, parts, bodies)
     surface = grid.extract_surface(nonlinear_subdivision=0, algorithm="dataset_surface")
     surface.point_data["level"] = _levels(surface)
     found = np.unique(surface.cell_data["part"])
@@ -151,19 +156,22 @@ def render_mesh(
     return Path(path)
 
 
-def mode_surface(V: Any, values: NDArray) -> tuple[Any, Callable[[Any], NDArray]]:
+def mode_surface(
+    V: Any, values: NDArray, bodies: NDArray | None = None
+) -> tuple[Any, Callable[[Any], NDArray]]:
     """Surface of all bodies at rest with the amplitude of a mode, and how it moves.
 
     Args:
         V: vector function space of Lagrange elements, on a mesh of this process.
         values: all dofs, real or complex, shape (dofs,).
+        bodies: see ``render_mode``.
 
     Returns:
         The surface, with point data ``amplitude``, 1 at its maximum, and ``level``; and a function
         from a mesh made of it to the complex displacements as drawn [m], shape (points, 3), at
         the phase of the largest motion.
     """
-    grid = _grid(V)
+    grid = _grid(V, bodies=bodies)
     u = (values * _phase(values)).reshape(-1, V.dofmap.index_map_bs)
     grid.point_data["re"], grid.point_data["im"] = u.real, u.imag
     surface = grid.extract_surface(nonlinear_subdivision=1, algorithm="dataset_surface")
@@ -186,11 +194,11 @@ def _phase(values: NDArray) -> complex:
     return complex(np.exp(-0.5j * np.angle(np.sum(values.astype(complex) ** 2))))
 
 
-def _grid(V: Any, parts: NDArray | None = None) -> Any:
+def _grid(V: Any, parts: NDArray | None = None, bodies: NDArray | None = None) -> Any:
     """Pyvista grid of the nodes of V, with the number of each point's body and each cell's part."""
     cells, types, points = vtk_cells(V)
     grid = pyvista().UnstructuredGrid({int(types[0]): cells}, points)
-    grid.point_data["body"] = body_of_points(cells, len(points))
+    grid.point_data["body"] = body_of_points(cells, len(points)) if bodies is None else bodies
     grid.cell_data["part"] = (
         np.zeros(len(cells), dtype=int) if parts is None else parts[: len(cells)]
     )
@@ -316,12 +324,17 @@ def _note(values: NDArray) -> str:
     return f"largest displacement drawn as {100 * SCALE:.0f} % of the radius{moment}"
 
 
-MOVING_PIXELS = (560, 420)
+MOVING_PIXELS = (800, 600)
 MILLISECONDS = 90  # a frame is shown
 
 
 def animate_mode(
-    path: str | Path, V: Any, values: NDArray, frames: int = 10, width: int = 420
+    path: str | Path,
+    V: Any,
+    values: NDArray,
+    frames: int = 10,
+    width: int = 640,
+    bodies: NDArray | None = None,
 ) -> Path:
     """Draw one period of a mode, seen from z > 0, bodies in a row, as an animated WebP.
 
@@ -333,13 +346,14 @@ def animate_mode(
         values: all dofs, real or complex, shape (dofs,).
         frames: pictures of the period.
         width: of the pictures [pixels].
+        bodies: see ``render_mode``.
 
     Returns:
         The path.
     """
     pillow = import_module("PIL.Image")  # comes with matplotlib
     with pyvista().vtk_verbosity("off"):
-        drawn = trim(_frames(V, values, frames))
+        drawn = trim(_frames(V, values, frames, bodies))
     height, wide = drawn[0].shape[:2]
     size = width, max(1, round(width * height / wide))
     images = [pillow.fromarray(image).resize(size, pillow.LANCZOS) for image in drawn]
@@ -350,9 +364,9 @@ def animate_mode(
     return Path(path)
 
 
-def _frames(V: Any, values: NDArray, frames: int) -> list[NDArray]:
+def _frames(V: Any, values: NDArray, frames: int, bodies: NDArray | None) -> list[NDArray]:
     """RGB pictures of one period, all from one plotter."""
-    surface, moved = mode_surface(V, values)
+    surface, moved = mode_surface(V, values, bodies)
     surface = surface.compute_normals(
         cell_normals=False, split_vertices=True, feature_angle=40.0, auto_orient_normals=False
     )

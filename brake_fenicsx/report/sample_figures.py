@@ -83,7 +83,7 @@ def draw_convergence(run: RunData) -> Figure | None:
     shown = [a for a in _sampled(run) if run.squeal.count(a).samples >= 3]
     if not shown:
         return None
-    figure, axes = new_figure(1, 2, height=2.9)
+    figure, axes = new_figure(1, 2, height=2.9, width=5.4)
     for approach in shown:
         colour, _ = look(approach)
         per_sample = run.squeal.count(approach).per_sample
@@ -102,7 +102,7 @@ def draw_convergence(run: RunData) -> Figure | None:
         (axes[0, 0], "share of samples that squeal [-]", (-0.02, 1.02)),
         (axes[0, 1], "mean squeal modes per sample [-]", (0, None)),
     ):
-        finish(axis, xlabel=f"samples [-]; squeal: {run.criterion}", ylabel=text, ylim=limits)
+        finish(axis, xlabel=f"samples [-]; squeal:\n{run.criterion}", ylabel=text, ylim=limits)
         axis.xaxis.get_major_locator().set_params(integer=True)
     axes[0, 0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=3)
     return figure
@@ -151,7 +151,7 @@ def draw_errors(run: RunData) -> Figure | None:
     """Error estimates of the eigenvalues: against frequency, and how many exceed a given error."""
     if run.modes is None:
         return None
-    figure, axes = new_figure(1, 2, height=3.1)
+    figure, axes = new_figure(1, 2, height=2.9, width=5.4)
     drawn = False
     every = run.errors
     for approach in run.approaches:
@@ -163,10 +163,10 @@ def draw_errors(run: RunData) -> Figure | None:
     if not drawn:
         return None
     unit, left, right = "relative error estimate of the eigenvalue [-]", axes[0, 0], axes[0, 1]
-    finish(left, title="(a) largest (line) and median (dots) per band", yscale="log", xlabel=KHZ,
+    finish(left, title="(a) largest (line),\nmedian (markers)", yscale="log", xlabel=KHZ,
            ylabel=unit.replace(" of", "\nof"))  # fmt: skip
-    finish(right, title="(b) modes whose error exceeds a value", xscale="log", yscale="log",
-           xlabel=unit, ylabel="share of modes above [-]")  # fmt: skip
+    finish(right, title="(b) modes whose error\nexceeds a value", xscale="log", yscale="log",
+           xlabel=unit.replace(" of", "\nof"), ylabel="share of modes above [-]")  # fmt: skip
     right.legend(loc="lower left")
     return figure
 

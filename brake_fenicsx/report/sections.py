@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,8 +16,10 @@ from brake_fenicsx.results.tables import Value
 
 from .figures import figures
 from .mode_cards import Card, heading_of
-from .page_blocks import Block, Picture, Section, Special, Table, Text, pairs
+from .page_blocks import LONGEST, Block, Picture, Section, Special, Table, Text, pairs
 from .surface_page import law_blocks, of_surface, surface_blocks
+from .sweep_figures import axis_of
+from .verdict import warnings_of
 
 FAMILIES = 8  # rows of the tables of families, at least 2 of each approach
 
@@ -33,21 +36,21 @@ def sweep_blocks(run: RunData) -> list[Block]:
     if critical is None or not critical["family"].size:
         return drawn
     rows: list[list[Value]] = []
-    texts = kilohertz(critical["frequency_hz"].tolist())
+    texts, (factor, parameter) = kilohertz(critical["frequency_hz"].tolist()), axis_of(run)
     for i, family in enumerate(critical["family"]):
         low, middle, high = (critical[f"value_{p}"][i] for p in (5, 50, 95))
         interval = [critical[f"value_50_{end}"][i] for end in ("low", "high")]
         rows.append([
             "any" if np.isnan(family) else int(family), texts[i],
             int(critical["samples"][i]), int(critical["squeal_samples"][i]),
-            *(_censored(v) for v in (low, middle, *interval, high)),
+            *(_censored(factor * v) for v in (low, middle, *interval, high)),
         ])  # fmt: skip
     heads = [
         "family", "frequency [kHz]", "samples", "squeal samples", "5 % squeal by", "50 % squeal by",
         "lower end of its 95 % interval", "upper end", "95 % squeal by",
     ]  # fmt: skip
     note = (
-        f"Value of {critical['parameter'][0]} (SI units) at which a family begins to squeal, over"
+        f"Value of {parameter} at which a family begins to squeal, over"
         " the rough samples. A dash means a value outside the range of the sweep."
     )
     return [*drawn, Text(note), Table(heads, rows)]
@@ -202,6 +205,7 @@ SPEED_HEADS = {
 }
 SHOWN = {  # of the summary, elsewhere on the page
     "settings", "in_effect", "versions", "seeds", "seconds", "peak_memory_mb", "process_memory_mb",
+    "samples",
     "name", "warnings", "friction", "contact_forces", "finished", "scene_sha256",
 }  # fmt: skip
 
@@ -213,26 +217,25 @@ def appendix_sections(run: RunData, cards: Sequence[Card] = ()) -> list[Section]
         run: the results; pictures are read from its ``figures`` folder.
         cards: mode shapes that are not shown before the appendix.
     """
-    meshes = sorted((run.directory / "figures").glob("mesh*.png"))
     own = [] if of_surface(run) else [
-        Section("laws", "Contact laws", law_blocks(run)),
         Section("surface", "Surface", surface_blocks(run)),
+        Section("laws", "Contact laws", law_blocks(run)),
     ]  # fmt: skip
     return [
         Section("more-shapes", "Mode shapes of less severe families",
                 [Special("shapes", cards)] if cards else []),
         Section("driver-maps", "Drivers over the pads", figures(run, "driver_maps")),
         *own,
-        Section("samples", "Families and convergence over the samples",
-                figures(run, "squeal_families", "convergence")),
-        Section("mesh", "Mesh", [Picture(path, heading_of(path)) for path in meshes]),
-        Section("accuracy", "Accuracy and computing time", _accuracy(run)),
+        Section("accuracy", "Mesh, accuracy, convergence and computing time", _accuracy(run)),
+        Section("remarks", "Other warnings", [Text(f"{t}.") for t in warnings_of(run)[1]]),
         Section("settings", "Settings, seeds and versions", _settings(run)),
     ]  # fmt: skip
 
 
 def _accuracy(run: RunData) -> list[Block]:
-    blocks: list[Block] = []
+    meshes = sorted((run.directory / "figures").glob("mesh*.png"))
+    blocks: list[Block] = [Picture(path, heading_of(path), "half") for path in meshes]
+    blocks += figures(run, "eigenvalue_errors", "convergence", look="half")
     if stages := stage_rows(run.summary):
         rows: list[list[Value]] = [
             [STAGES.get(r.stage, r.stage), r.seconds, r.peak_memory_mb] for r in stages
@@ -252,21 +255,45 @@ def _accuracy(run: RunData) -> list[Block]:
             " eigenvalue relates them to the backward error: error = backward error x condition."
         ))  # fmt: skip
     rest = {key: value for key, value in run.summary.items() if key not in SHOWN}
-    facts: list[Block] = [pairs("quantity", rest, digits=6)] if rest else []
-    return [*blocks, *figures(run, "eigenvalue_errors"), *facts]
+    return [*blocks, *pairs(rest)]
 
 
 def _settings(run: RunData) -> list[Block]:
-    """Settings once: those in effect, or as the scene writes them where no others are known."""
+    """Settings as the scene writes them, with changes by --set, a line for each table of it."""
     blocks: list[Block] = []
-    if isinstance(run.summary.get("in_effect"), Mapping):
+    if isinstance(settings := run.summary.get("settings"), Mapping) and settings:
+        tables = scene_tables(settings)
         blocks += [
-            Text("All settings in SI units, with defaults and changes by --set."),
-            pairs("setting", run.summary["in_effect"]),
+            Text("As the scene and --set name them; with all defaults: in_effect of summary.json."),
+            Special("pairs", tables),
         ]
     elif run.scene is not None:
         blocks.append(Text(run.scene, "preformatted"))
     for key in ("seeds", "versions"):
-        if isinstance(run.summary.get(key), Mapping):
-            blocks += [Text(key.capitalize(), "heading"), pairs(key.rstrip("s"), run.summary[key])]
+        if isinstance(found := run.summary.get(key), Mapping):
+            said = ", ".join(f"{name} {value}" for name, value in found.items())
+            blocks.append(Text(f"{key.capitalize()}: {said}."))
     return blocks
+
+
+def scene_tables(table: Mapping[str, Any], name: str = "") -> list[tuple[str, str]]:
+    """Tables of a scene to the second level, each with its keys as TOML on one line."""
+    inner = {k: v for k, v in table.items() if isinstance(v, Mapping) and name.count(".") < 1}
+    own = {k: v for k, v in table.items() if k not in inner}
+    lines = [(f"[{name}]" if name else "", _toml(own)[2:-2])] if own else []
+    for key, value in inner.items():
+        lines += scene_tables(value, f"{name}.{_key(key)}" if name else _key(key))
+    return lines
+
+
+def _key(name: str) -> str:
+    return json.dumps(name) if "." in name else name
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{_key(k)} = {_toml(v)}' for k, v in value.items())} }}"
+    if isinstance(value, list):
+        shown = [*map(_toml, value[:LONGEST]), *["..."] * (len(value) > LONGEST)]
+        return f"[{', '.join(shown)}]"
+    return json.dumps(value, ensure_ascii=False)

@@ -1,4 +1,4 @@
-"""The squeal map: figure 9, the families in it, and what the interactive one shows."""
+"""The squeal map: figure 9, and what the interactive one shows."""
 
 from __future__ import annotations
 
@@ -14,11 +14,9 @@ from .mode_cards import ModePictures
 from .style import (
     BLACK,
     BLUE,
-    CYCLE,
     DAMPING_LABEL,
     GREY,
     KHZ,
-    MARKERS,
     VERMILION,
     damping_axis,
     finish,
@@ -66,53 +64,6 @@ def draw_squeal_map(run: RunData) -> Figure | None:
             _scatter(axis, f[few] / 1e3, damping[few], colour, marker, size, text)
         axis.legend(loc="upper left", ncol=4, bbox_to_anchor=(0, 1.02), handletextpad=0.1)
     return figure
-
-
-def draw_families(run: RunData, most: int = 7) -> Figure | None:
-    """Squeal modes by family: families of about one frequency share a look in all panels."""
-    squealing = [run.squeal.squeal_modes(approach) for approach in run.approaches]
-    if not any(map(len, squealing)):
-        return None
-    looks = _family_looks(run, most)
-    lowest = min(float(modes.damping.min()) for modes in squealing if len(modes))
-    limits = min(3 * lowest, -3e-3), 0.0
-    figure, axes = _panels(run, min(1.9, 7.0 / len(run.approaches)), limits)
-    for axis, approach, modes in zip(axes.flat, run.approaches, squealing, strict=True):
-        f, damping = modes.frequency_hz / 1e3, modes.damping
-        rest = np.full(f.size, True)
-        for record in run.squeal.families(approach):
-            if (approach, record.key) not in looks:
-                continue
-            members = modes.key == record.key
-            rest &= ~members
-            colour, marker = looks[approach, record.key]
-            often = "" if record.share.n == 1 else f"{record.share.hits} of {record.share.n}, "
-            text = f"{record.kilohertz} kHz: {often}{record.median:.2g}"
-            _scatter(axis, f[members], damping[members], colour, marker, 20, text)
-        _scatter(axis, f[rest], damping[rest], GREY, ".", 20, f"others: {rest.sum()} modes")
-        if f.size:
-            axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), handletextpad=0.1)
-    return figure
-
-
-def _family_looks(run: RunData, most: int) -> dict[tuple[str, int], tuple[str, str]]:
-    """Colour and marker per family: the most severe ones, matched by frequency to within 3 %."""
-    every = [r for a in run.approaches for r in run.squeal.families(a) if r.key >= 0]
-    heads: list[float] = []
-    looks: dict[tuple[str, int], tuple[str, str]] = {}
-    taken: set[tuple[str, int]] = set()
-    for record in sorted(every, key=lambda r: (-r.severity, r.frequency)):
-        near = [
-            j for j, f in enumerate(heads)
-            if abs(record.frequency - f) < 0.03 * f and (record.approach, j) not in taken
-        ]  # fmt: skip
-        if not near and len(heads) < min(most, len(CYCLE)):
-            heads.append(record.frequency)
-            near = [len(heads) - 1]
-        if near:
-            taken.add((record.approach, near[0]))
-            looks[record.approach, record.key] = CYCLE[near[0]], MARKERS[near[0]]
-    return looks
 
 
 def _panels(run: RunData, height: float, limits: tuple[float, float]) -> tuple[Figure, NDArray]:

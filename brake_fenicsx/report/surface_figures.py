@@ -44,7 +44,8 @@ def draw_topography(run: RunData) -> Figure | None:
     z, size = run.surface["heights"] * UM, run.surface["size"] * MM
     if z.ndim > 2:
         return _maps(z, size, run.surface)
-    figure, axes = new_figure(1, 2, height=3.3, gridspec_kw={"width_ratios": [1.25, 1]})
+    ratios = {"width_ratios": [1.25, 1]}
+    figure, axes = new_figure(1, 2, height=2.9, width=6.0, gridspec_kw=ratios)
     image = _map(axes[0, 0], z, size, _height_limits(z))
     lost = int(np.isnan(z).sum())
     what = (
@@ -128,7 +129,7 @@ def draw_artificial(run: RunData) -> Figure | None:
     compare(axes[1, 0], s, "hdf_z", "hdf_density", UM, 1 / UM)
     finish(axes[1, 0], xlabel="height [µm]", ylabel="density [1/µm]", ylim=(0, None),
            title=f"({letters[0]}) height distribution")  # fmt: skip
-    compare(axes[1, 1], s, "q", "C", 1.0, 1.0)
+    compare(axes[1, 1], s, "q", "C", 1e-3, 1.0)
     finish(axes[1, 1], xscale="log", yscale="log", xlabel=Q_LABEL, ylabel=PSD_LABEL,
            title=f"({letters[1]}) radial PSD")  # fmt: skip
     for axis in axes[1]:
@@ -155,7 +156,8 @@ def _height_limits(z: NDArray) -> tuple[float, float]:
 
 UM, MM = 1e6, 1e3
 ROUND_OFF = 1e-4  # of a mean height, relative to S_q
-Q_LABEL, PSD_LABEL = "wave number $q$ [rad/m]", "radial PSD $C$ [m$^4$]"
+Q_LABEL, PSD_LABEL = "wave number $q$ [1/mm]", "radial PSD $C$ [m$^4$]"
+WAVES = ("q", "fit_q", "spectrum_q", "q_band")  # arrays of wave numbers [rad/m]
 
 
 def surface_statistics(surface: Arrays) -> dict[str, Any]:
@@ -167,7 +169,7 @@ def draw_statistics(run: RunData) -> Figure | None:
     """Figure 5: height distribution, radial PSD with fit and reliable band, residual of the fit."""
     if run.surface is None:
         return None
-    surface = run.surface
+    surface = {n: a / 1e3 if n in WAVES else a for n, a in run.surface.items()}
     figure, axes = new_figure(1, 2, height=3.7, gridspec_kw={"width_ratios": [1, 1.25]})
     _draw_heights(axes[0, 0], surface)
     if "q" in surface:
@@ -189,7 +191,7 @@ def draw_bearing_curve(run: RunData) -> Figure | None:
     """Bearing curve of scan and artificial surface; of several scans each, and all together."""
     if run.surface is None or "heights" not in run.surface:
         return None
-    figure, axes = new_figure(1, 1, height=3.0, width=4.6)
+    figure, axes = new_figure(1, 1, height=2.5, width=4.6)
     axis = axes[0, 0]
     z = run.surface["heights"]
     if np.isfinite(z).any() and np.nanstd(z) > 0:
@@ -286,10 +288,9 @@ def _draw_psd(axes: Axes, surface: Arrays) -> None:
         axes.loglog(q, C, color=VERMILION, lw=1.1, label="artificial surfaces")
     q_c = stats.get("q_c")
     if isinstance(q_c, int | float) and q_c > 0:
-        axes.axvline(q_c, color=GREY, lw=0.8, ls=":")
-        axes.annotate(
-            "$q_c$", (q_c, 0.97), xycoords=("data", "axes fraction"), fontsize=8, va="top"
-        )
+        axes.axvline(q_c / 1e3, color=GREY, lw=0.8, ls=":")
+        place = ("data", "axes fraction")
+        axes.annotate(" $q_c$", (q_c / 1e3, 0.97), xycoords=place, fontsize=8, va="top")
     axes.legend(loc="lower left", fontsize=7.5)
     finish(axes, title="(b) radial power spectrum", ylabel=PSD_LABEL)
 

@@ -50,7 +50,7 @@ STATISTICS = (
     ),
     ("c1", "c1, slope of the power spectrum below q_c", "-", 1.0),
     ("c2", "c2, slope of the power spectrum above q_c", "-", 1.0),
-    ("q_c", "q_c, wave number of the crossover", "rad/mm", 1e-3),
+    ("q_c", "q_c, wave number of the crossover", "1/mm", 1e-3),
     ("C0", "C0, level of the spectrum at q_c", "m⁴", 1.0),
     ("fit_rms", "root mean square of ln(spectrum / fit)", "-", 1.0),
 )
@@ -106,7 +106,7 @@ def surface_verdict(run: RunData) -> Verdict:
     facts = [(p.text, _fact(p)) for key in FIRST if (p := known.get(key))]
     if scans := scans_of(run):
         facts.insert(0, ("Scans", f"{len(scans)}; ±: standard deviation over the scans"))
-    return Verdict(facts=[*facts, *_law_facts(run)], warnings=[*warnings_of(run), *_unsure(run)])
+    return Verdict(facts=[*facts, *_law_facts(run)], warnings=[*warnings_of(run)[0], *_unsure(run)])
 
 
 def surface_sections(run: RunData) -> list[Section]:
@@ -126,10 +126,10 @@ def surface_blocks(run: RunData) -> list[Block]:
     parameters = _parameters(run)
     return [
         *([Text(f"{given} fit.")] if "heights" not in run.surface else []),
-        *figures(run, "figure4_topography", "figure5_statistics"),
+        *figures(run, "figure4_topography", "bearing_curve", look="half"),
+        *figures(run, "figure5_statistics"),
         *(_parameter_blocks(run, parameters) if parameters else []),
-        *figures(run, "bearing_curve", look="half"),
-        *figures(run, "figure6_artificial"),
+        *figures(run, "figure6_artificial", "figure7_contact_maps", look="half"),
     ]
 
 
@@ -169,8 +169,9 @@ def _parameter_blocks(run: RunData, parameters: list[Parameter]) -> list[Block]:
 
 
 def law_blocks(run: RunData) -> list[Block]:
-    """Figures of the contact laws and of the real contact."""
-    return figures(run, "figure8_laws", "figure7_contact_maps")
+    """Figure of the contact laws; without a surface also that of the real contact."""
+    more = figures(run, "figure7_contact_maps", look="half") if run.surface is None else []
+    return [*figures(run, "figure8_laws"), *more]
 
 
 def _parameters(run: RunData) -> list[Parameter]:

@@ -41,7 +41,7 @@ Curve = tuple[NDArray, NDArray, NDArray]
 # Branches and families with a colour of their own.
 MOST = 7
 # How values that are stored in SI units are shown.
-SHOWN = {"Pa": (1e-6, "MPa"), "Pa/m": (1e-9, "GPa/m"), "m": (1e3, "mm")}
+SHOWN = {"Pa": (1e-6, "MPa"), "Pa/m": (1e-9, "N/mm³"), "m": (1e3, "mm")}
 
 
 class SweepEvents:

@@ -22,6 +22,8 @@ CLOSE = 0.01  # relative distance of two frequencies that may be those of a doub
 ENOUGH = 300  # samples; of fewer the verdict says what so many would narrow the interval to
 WIDE = 0.1  # width of an interval from which it does
 UNDAMPED = "none named"
+# Warnings of pictures and files, which leave modes and counts as they are.
+ASIDE = re.compile(r" left out: |^shape of the mode |^results in .* differ|not read: ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,22 +35,20 @@ class Verdict:
         level: "squeal", "open" or "calm", for its colour.
         limits: table of what squeals at each limit of the damping; it follows the text.
         more: sentences that follow it.
-        doubts: warnings that the verdict depends on, without a full stop.
+        warnings: what the verdict depends on beside the samples, without a full stop.
         cards: the strongest candidates.
         notes: sentences about the candidates, below them.
         facts: conditions of the run, name and value.
-        warnings: other warnings of the run, likewise.
     """
 
     text: str = ""
     level: str = ""
     limits: list[Block] = field(default_factory=list)
     more: list[str] = field(default_factory=list)
-    doubts: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
     cards: list[Card] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     facts: list[tuple[str, str]] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
 
 
 def make_verdict(run: RunData, pictures: ModePictures) -> Verdict:
@@ -58,7 +58,7 @@ def make_verdict(run: RunData, pictures: ModePictures) -> Verdict:
         run: the results.
         pictures: pictures of mode shapes.
     """
-    facts, warnings, families = conditions(run), warnings_of(run), run.families
+    facts, warnings, families = conditions(run), warnings_of(run)[0], run.families
     if not run.lead:
         return Verdict("This run computed no modes.", facts=facts, warnings=warnings)
     counted, chosen = run.squeal.count(run.lead), families[run.lead][:CANDIDATES]
@@ -67,16 +67,18 @@ def make_verdict(run: RunData, pictures: ModePictures) -> Verdict:
     others = [name for name in families if name != run.lead]
     more += [_other(run, run.squeal.count(name), families[name]) for name in others]
     return Verdict(
-        text, level, _limits(run, counted), more, [*filter(None, [open_points(run)])],
+        text, level, _limits(run, counted), more, [*filter(None, [open_points(run)]), *warnings],
         [family_card(run, f, pictures, rank) for rank, f in enumerate(chosen, start=1)],
-        [*_doublets(run, chosen), *_worse(run, chosen)], facts, warnings,
+        [*_doublets(run, chosen), *_worse(run, chosen)], facts,
     )  # fmt: skip
 
 
-def warnings_of(run: RunData) -> list[str]:
-    """Warnings of the run, and figures that are lost."""
+def warnings_of(run: RunData) -> tuple[list[str], list[str]]:
+    """Warnings that change what a reader believes of the verdict, and those that do not."""
     found = run.summary.get("warnings")
-    return [*(map(str, found) if isinstance(found, list) else ()), *lost_figures(run.directory)]
+    every = [*map(str, found)] if isinstance(found, list) else []
+    aside = [text for text in every if ASIDE.search(text)]
+    return [t for t in every if t not in aside], [*aside, *lost_figures(run.directory)]
 
 
 def _sentences(
@@ -125,9 +127,10 @@ def _few(share: Proportion) -> list[str]:
     if share.n >= ENOUGH or share.high - share.low < WIDE:
         return []
     more = wilson(round(share.value * ENOUGH), ENOUGH)
+    now, then = (50 * (s.high - s.low) for s in (share, more))
     return [
-        f"{share.n} samples are few: {ENOUGH} with the same share would give"
-        f" {100 * more.low:.0f} to {100 * more.high:.0f} %."
+        f"{share.n} samples are few (+-{now:.0f} %): {ENOUGH} with the same share would give"
+        f" {100 * more.low:.0f} to {100 * more.high:.0f} % (+-{then:.1g} %)."
     ]
 
 

@@ -17,12 +17,14 @@ from brake_fenicsx.build.brake import assemble_brake, check_brake
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.geometry import block
 from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
+from brake_fenicsx.macro.faces import body_of_nodes
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.macro.tie import tied_faces
 from brake_fenicsx.meshing.brake_mesh import raw_mesh, tagged_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.meshing.rawmesh import joined
+from brake_fenicsx.report.mode_fields import tied_bodies
 from brake_fenicsx.samples.numbering import body_centres
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.substructures.component import originals_and_images
@@ -238,10 +240,16 @@ def test_a_slit_in_one_part_is_closed(meshes):
 def test_only_the_common_part_is_glued(caplog):
     """The cap hangs over on two sides and is narrower on the others: 30 x 20 mm^2 are common."""
     with caplog.at_level(logging.INFO):
-        brake = assemble_brake(read_scene(BLOCK, CAP), MPI.COMM_SELF)
-    assert "tie glue: 600 mm^2 glued, 200 mm^2 of block.top not" in caplog.text
+        scene = read_scene(BLOCK, CAP)
+        brake = assemble_brake(scene, MPI.COMM_SELF)
+    assert "tie glue: 600 mm^2 glued, 200 mm^2 of block.top not; gap up to" in caplog.text
     bodies = split_substructures(brake.K, brake.M, {"N": brake.N})
     assert len(bodies) == 2
+    # So do pictures: three meshes, the cap above 20 mm with the block.
+    V, drawn = brake.elastic.free.V, tied_bodies(scene, brake)
+    z = V.tabulate_dof_coordinates()[:, 2]
+    assert len({*drawn}) == 2 and len({*body_of_nodes(V)}) == 3
+    assert {*drawn[z > 1e-9]} == {drawn[z.argmax()]} and drawn[z.argmin()] != drawn[z.argmax()]
 
 
 def test_tied_bodies_are_one_substructure_and_repeat_as_one():

@@ -159,8 +159,10 @@ STABILITY = {"band": [0.0, 16000.0]}
 SUMMARY = {
     "in_effect": {"stability": {**STABILITY, "tolerance": 1e-06}},
     "settings": {
-        "stability": {**STABILITY, "method": "reduced"}, "samples": {"n": 60, "seed": 1},
+        "stages": ["surface", "stability"], "loads": {"pad.piston": {"pressure": "5 bar"}},
+        "samples": {"n": 60, "random": {"contact.c.friction": {"law": "normal", "sd": 0.05}}},
     },
+    "reference_stiffness_Pa_per_m": 58e9,
     "versions": {
         "brake_fenicsx": "0.1.0", "dolfinx": "0.5.2", "note": "<script>alert(1)</script> & more",
     },

@@ -24,20 +24,16 @@ from brake_fenicsx.report.sample_figures import (
     draw_errors,
     draw_probability,
 )
-from brake_fenicsx.report.squeal_figures import draw_families, draw_squeal_map
+from brake_fenicsx.report.squeal_figures import draw_squeal_map
 from brake_fenicsx.report.style import BLACK, GREY, house_style, save
-from brake_fenicsx.report.surface_figures import (
-    draw_artificial,
-    draw_statistics,
-    draw_topography,
-)
+from brake_fenicsx.report.surface_figures import draw_artificial, draw_statistics, draw_topography
 from brake_fenicsx.report.sweep_figures import draw_branches
 from brake_fenicsx.results.tables import MODES, write_rows
 from run_tables import EVENTS, SWEEP, read_run
 
 NEEDS = {
     "modes.csv": {
-        "figure9_squeal_map", "squeal_families", "probability_per_band", "unstable_per_sample",
+        "figure9_squeal_map", "probability_per_band", "unstable_per_sample",
         "convergence", "eigenvalue_errors",
     },
     "contact.csv": {"contact_pressure"},
@@ -305,32 +301,12 @@ def test_what_does_not_squeal_is_grey_above_the_line(run):
         lines += [line for line in axis.lines if line.get_ydata()[0] == -threshold]
         assert "squeal: damping below -0.006" in {t.get_text() for t in axis.texts}
     assert len(lines) == len(run.approaches) and left_out > 0
-    for draw in (draw_families, draw_probability, draw_counts, draw_convergence):
+    for draw in (draw_probability, draw_counts, draw_convergence):
         figure = draw(strict)
         words = [t.get_text() for a in figure.axes for t in a.texts] + [
             a.get_xlabel() for a in figure.axes
         ]
         assert any("damping below -0.006" in text for text in words), draw.__name__
-
-
-def test_legend_of_families_is_ranked(run):
-    """By share times median damping, with both numbers."""
-    figure = draw_families(run)
-    axis = figure.axes[run.approaches.index("multi-scale")]
-    texts = [t.get_text() for t in axis.get_legend().get_texts()]
-    ranked = run.squeal.families("multi-scale")
-    assert texts == [
-        f"{r.frequency / 1e3:.3f} kHz: {r.share.hits} of {r.share.n}, {r.median:.2g}"
-        for r in ranked
-    ]
-    assert [r.severity for r in ranked] == sorted((r.severity for r in ranked), reverse=True)
-
-
-def test_families_share_the_unstable_modes_among_them(run):
-    figure = draw_families(run)
-    for axis, approach in zip(figure.axes, run.approaches, strict=True):
-        total = sum(len(c.get_offsets()) for c in axis.collections if isinstance(c, PathCollection))
-        assert total == run.squeal.count(approach).unstable
 
 
 def test_probability_bars_are_the_shares(run):

@@ -39,8 +39,8 @@ HEADS = (
 # What a library says of its laws at a pressure: its name, unit, SI in it, attribute.
 AT = (
     ("separation", "µm", 1e6, "d"),
-    ("loading stiffness", "N/mm^3", 1e-9, "k"),
-    ("stiffness of vibrations", "N/mm^3", 1e-9, "v"),
+    ("loading stiffness", "N/mm³", 1e-9, "k"),
+    ("stiffness of vibrations", "N/mm³", 1e-9, "v"),
     ("touching share", "-", 1.0, "area"),
 )
 # A difference of more standard errors is said; values that the zero of heights shifts are none.
@@ -198,7 +198,7 @@ def draw_surfaces(runs: Runs) -> Figure:
             stiffness.fill_between(p / 1e6, low, high, color=colour, alpha=0.2, lw=0)
             stiffness.loglog(p / 1e6, middle, **looks)
     ticks = [p / 1e6 for p in PRESSURES]
-    spectrum.set(xlabel="wave number [rad/mm]", ylabel="density [m$^4$]")
+    spectrum.set(xlabel="wave number [1/mm]", ylabel="density [m$^4$]")
     bearing.set(xlabel="material ratio [%]", ylabel=r"height [$\mu$m]")
     stiffness.set_xticks(ticks, [f"{p:g}" for p in ticks])
     stiffness.minorticks_off()

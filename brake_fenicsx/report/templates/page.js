@@ -32,23 +32,27 @@
   window.addEventListener("hashchange", unfold);
   unfold();
 
+  /* A picture is pressed like a button: by pointer, finger, Enter or the space bar. */
+  function pressed(image, open) {
+    image.tabIndex = 0;
+    image.setAttribute("role", "button");
+    image.addEventListener("click", open);
+    image.addEventListener("keydown", (event) => {
+      if (event.key === "Enter" || event.key === " ") { event.preventDefault(); open(); }
+    });
+  }
   for (const image of document.querySelectorAll("figure img")) {
-    image.addEventListener("click", () => view("", image.src, image.alt, true));
+    pressed(image, () => view("", image.src, image.alt, true));
   }
   for (const image of document.querySelectorAll(".card img[data-moving]")) {
     const still = image.src, moving = image.dataset.moving;
-    image.tabIndex = 0;
-    image.addEventListener("pointerenter", () => { image.src = moving; });
-    image.addEventListener("pointerleave", () => { image.src = still; });
-    const open = () => {
+    for (const kind of ["pointerenter", "focus"]) { image.addEventListener(kind, () => { image.src = moving; }); }
+    for (const kind of ["pointerleave", "blur"]) { image.addEventListener(kind, () => { image.src = still; }); }
+    pressed(image, () => {
       const card = image.parentElement;
       const facts = [...card.querySelectorAll("dl div")];
       view(card.querySelector("h3").textContent, moving,
         facts.map((row) => row.children[0].textContent + ": " + row.children[1].textContent).join("\n"));
-    };
-    image.addEventListener("click", open);
-    image.addEventListener("keydown", (event) => {
-      if (event.key === "Enter") { event.preventDefault(); open(); }
     });
   }
 
@@ -179,7 +183,7 @@
     function nearest(event) {
       const box = svg.getBoundingClientRect();
       const x = event.clientX - box.left, y = event.clientY - box.top;
-      let best = -1, least = 14 * 14;
+      let best = -1, least = event.pointerType === "touch" ? 28 * 28 : 14 * 14;
       for (const i of shown) {
         const away = (place.x[i] - x) ** 2 + (place.y[i] - y) ** 2;
         if (away < least) { least = away; best = i; }
@@ -201,12 +205,12 @@
     svg.addEventListener("pointerleave", () => mark(-1));
     svg.addEventListener("click", (event) => { mark(nearest(event)); show(chosen); });
     svg.addEventListener("keydown", (event) => {
-      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-      if (step && shown.length) {
-        const now = shown.indexOf(chosen);
-        mark(shown[(now + step + (now < 0 && step < 0 ? 1 : 0) + shown.length) % shown.length]);
+      const now = shown.indexOf(chosen), last = shown.length - 1;
+      const next = { ArrowRight: now < last ? now + 1 : 0, ArrowLeft: now > 0 ? now - 1 : last, Home: 0, End: last }[event.key];
+      if (next !== undefined && shown.length) {
+        mark(shown[next]);
         event.preventDefault();
-      } else if (event.key === "Enter") {
+      } else if (event.key === "Enter" || event.key === " ") {
         /* Or the key would press the button of the dialog that opens. */
         event.preventDefault();
         show(chosen);
