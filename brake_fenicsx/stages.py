@@ -64,7 +64,8 @@ class Run:
         start = time.perf_counter()
         yield
         self.comm.Barrier()
-        self.seconds[name] = time.perf_counter() - start
+        took = self.seconds.get(name, 0.0) + time.perf_counter() - start
+        self.seconds[name] = took
         self.process_memory_mb[name], self.peak_memory_mb[name] = peak_memory(self.comm)
         logger.info(
             "stage '%s' finished in %.1f s (peak memory %.0f MB)",
