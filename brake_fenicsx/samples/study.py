@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from mpi4py import MPI
 
@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from .solve import More
 
 Array = NDArray[np.float64]
+
+T = TypeVar("T")
 
 VERIFY = "verify"
 # [dofs] below which two processes may share a sample at full order: each holds a factor, and the
@@ -143,18 +145,40 @@ class Study:
     def run(self, first: int | None = None) -> None:
         """Run every sample that is not stored yet; long ones first, then approaches of few samples.
 
+        Those of the verification are left to `verified_beside`, except by a share of a run.
+
         Args:
             first: so many of each approach, without the verification; all if None.
         """
         reduced = self.models.reduction.by_reduction
         tasks = [t for t in self.tasks if first is None or t[1] < first]
-        long = [t for t in tasks if not reduced[t[0]]] + ([] if first else self.verify)
+        long = [t for t in tasks if not reduced[t[0]]] + (
+            [] if first or self.store.share is None else self.verify
+        )
         # One sample that takes long comes before many, which fill the time of the others.
         count = Counter(approach for approach, _ in tasks)
         short = sorted((t for t in tasks if reduced[t[0]]), key=lambda t: count[t[0]])
-        # An equilibrium alone is no work for several processes.
-        paired = self.models.stability is not None and self.brake.K.shape[0] < LARGEST
-        run_ensemble(short, self.work, self.store, self.comm, long, paired=paired)
+        run_ensemble(short, self.work, self.store, self.comm, long, paired=self._paired)
+
+    @property
+    def _paired(self) -> bool:
+        """Whether two processes may share a sample: an equilibrium alone is no work for them."""
+        return self.models.stability is not None and self.brake.K.shape[0] < LARGEST
+
+    def verified_beside(self, works: Sequence[Callable[[], T]]) -> list[T]:
+        """Solve the samples of the verification at full order; other work fills the time.
+
+        Args:
+            works: what processes without such a sample do: no part of the results depends on it.
+
+        Returns:
+            What came of each work, on every process.
+        """
+        parts = ("samples at full order", self.verify), ("pictures and figures", works)
+        what = ", ".join(name for name, there in parts if there)
+        paired = self._paired and not works
+        files = self.store, self.comm
+        return run_ensemble((), self.work, *files, self.verify, what, paired, works)
 
     def work(self, task: Task, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, Any]:
         """Equilibrium and modes of one sample, as arrays to store.
