@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import difflib
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar, get_args
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ Complex = NDArray[np.complex128]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 AnyArray = NDArray[Any]
-P, R = ParamSpec("P"), TypeVar("R")
+F = TypeVar("F")
 
 REAL = int, float, np.integer, np.floating
 LIMIT = 1e100  # numbers beyond overflow in products of two or three
@@ -114,21 +114,21 @@ def likely(word: Any, words: Iterable[Any], alike: float = 0.6) -> str:
     return f"; did you mean {near[0]!r}?" if near else ""
 
 
-def with_its_arguments(function: Callable[P, R]) -> Callable[P, R]:
+def with_its_arguments(function: F) -> F:
     """A function of the Python interface that refuses other arguments than its own in one line."""
-    signature = inspect.signature(function)
+    call: Any = function
+    signature = inspect.signature(call)
     names = [name for name in signature.parameters if name != "self"]
 
-    @wraps(function)
-    def checked(*args: P.args, **keys: P.kwargs) -> R:
+    def checked(*args: Any, **keys: Any) -> Any:
         try:
             signature.bind(*args, **keys)
         except TypeError as error:
-            wrong = next((key for key in keys if key not in names), "")
-            hint = likely(wrong, names) if wrong else ""
+            hint = "".join(likely(key, names) for key in keys if key not in names)
             raise SceneError(
-                f"{function.__name__}: {error}{hint}; its arguments are {', '.join(names)}"
+                f"{call.__name__}: {error}{hint}; its arguments are {', '.join(names)}"
             ) from None
-        return function(*args, **keys)
+        return call(*args, **keys)
 
-    return checked
+    same: Any = wraps(call)(checked)
+    return same

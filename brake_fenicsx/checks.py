@@ -40,6 +40,8 @@ def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
         from brake_fenicsx.build.measured_surface import read_surface
 
         stats = read_surface(scene)
+        for name, own in scene.of_own_surface.items():
+            read_surface(own, f"contact.{name}.surface")
     if "equilibrium" in scene.stages:
         from brake_fenicsx.build.brake import check_brake
 

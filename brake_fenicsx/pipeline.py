@@ -9,6 +9,7 @@ from __future__ import annotations
 import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
@@ -37,7 +38,7 @@ from brake_fenicsx.folder.log import logger, spared, start_log
 from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.folder.store import PREPARED, Store, check_folder, enter_prepared, open_folder
 from brake_fenicsx.results.versions import differences, versions
-from brake_fenicsx.scene import STAGES, read_scene
+from brake_fenicsx.scene import STAGES, Scene, read_scene
 from brake_fenicsx.scene.approaches import friction_texts, listed
 from brake_fenicsx.scene.digest import in_effect, result_digest
 from brake_fenicsx.stages import Run
@@ -47,8 +48,10 @@ if TYPE_CHECKING:
     from brake_fenicsx.micro import LawLibrary
     from brake_fenicsx.results.output import First
     from brake_fenicsx.results.run import RunData
+    from brake_fenicsx.samples.sampling import Roughness
     from brake_fenicsx.samples.study import Study
     from brake_fenicsx.surface import SurfaceStatistics
+    from brake_fenicsx.surface.waviness import Waviness
     from brake_fenicsx.sweeps.sweep_study import SweepStudy
 
 DRAWING = 4  # parts of the figures, drawn by as many processes at most: each reads all results
@@ -286,18 +289,44 @@ def make_study(
     """What the samples of a scene share, made or read from the folder; collective."""
     from brake_fenicsx.samples.study import Study
 
-    hdf = stats.hdf if stats else None
-    waviness, surface, micro = None, this.scene.surface, this.scene.micro
-    named = any(c.gap == "waviness" for c in this.scene.contact.values())
-    if named and stats and surface and micro:
-        from brake_fenicsx.surface.waviness import Waviness
-
-        waviness = Waviness(stats.spectrum, float(micro.patch), surface.low)
-    study = Study(this.scene, brake, library, hdf, this.store, this.comm, this.cache, waviness)
+    hdf, waviness = stats.hdf if stats else None, _waviness(this.scene, stats)
+    zones = _zones(this)
+    study = Study(
+        this.scene, brake, library, hdf, this.store, this.comm, this.cache, waviness, zones
+    )  # fmt: skip
     with this.stage("offline"):
         study.prepare()
         this.facts |= study.facts
     return study
+
+
+def _waviness(scene: Scene, stats: SurfaceStatistics | None) -> Waviness | None:
+    """Mean heights of patches of a surface, where gaps are drawn from them."""
+    if not any(c.gap == "waviness" for c in scene.contact.values()):
+        return None
+    if stats is None or scene.surface is None or scene.micro is None:
+        return None
+    from brake_fenicsx.surface.waviness import Waviness
+
+    return Waviness(stats.spectrum, float(scene.micro.patch), scene.surface.low)
+
+
+def _zones(this: Run) -> dict[str, Roughness]:
+    """Interfaces that have a surface of their own, and what is made of it; collective."""
+    from brake_fenicsx.build.measured_surface import read_surface
+    from brake_fenicsx.samples.sampling import Roughness
+
+    found: dict[str, Roughness] = {}
+    for number, (name, own) in enumerate(this.scene.of_own_surface.items()):
+        stats, library = read_surface(own, f"contact.{name}.surface"), None
+        logger.info("contact.%s.surface: S_q %.2f um", name, 1e6 * stats.S_q)
+        if own.micro is not None and "micro" in own.stages and own.contact[name].law == "library":
+            # As many as this scan resolves, not the other.
+            pixels = this.scene.table["micro"].get("pixels", "scan")
+            own = with_pixels(replace(own, micro=replace(own.micro, pixels=pixels)), stats)
+            library = micro_stage(replace(this, scene=own), stats, f"zones/laws_{number}.npz")
+        found[name] = Roughness(library, stats.hdf, _waviness(own, stats))
+    return found
 
 
 def mechanics(

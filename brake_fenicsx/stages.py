@@ -66,7 +66,7 @@ class Run:
         start = time.perf_counter()
         yield
         self.comm.Barrier()
-        self.seconds[name] = time.perf_counter() - start
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
         self.process_memory_mb[name], self.peak_memory_mb[name] = peak_memory(self.comm)
         numbers = self.seconds[name], self.peak_memory_mb[name]
         logger.info("%s: done in %.1f s (peak memory %.0f MB)", title, *numbers)

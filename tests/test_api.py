@@ -1,6 +1,7 @@
 """What a user of Python meets: names and types of the package, and one line for each mistake."""
 
 import json
+import pickle
 import re
 import shutil
 import subprocess
@@ -53,7 +54,7 @@ def test_a_type_checker_sees_the_types_of_the_package(tmp_path):
     # Of the package alone what the script names: the whole is checked beside the tests.
     (tmp_path / "mypy.ini").write_text(
         "[mypy]\nignore_missing_imports = true\nfollow_imports = skip\n"
-        "[mypy-brake_fenicsx,brake_fenicsx.model,brake_fenicsx.sweeps.followed,"
+        "[mypy-brake_fenicsx,brake_fenicsx.arguments,brake_fenicsx.model,brake_fenicsx.sweeps.followed,"
         "brake_fenicsx.stability.modes]\nfollow_imports = silent\n"
     )
     command = [sys.executable, "-m", "mypy", "--cache-dir", str(tmp_path / "cache"), str(script)]
@@ -222,6 +223,8 @@ def test_the_shape_of_a_mode_on_the_mesh(model):
             assert np.linalg.norm(grid["re"] + 1j * grid["im"], axis=1).max() == pytest.approx(1)
         assert grid.n_points == whole.on_mesh(j)[1].size // 3 and grid.n_cells > 0
         assert mac(*shapes)[0, 0] > 1 - 1e-6
+    sent = pickle.loads(pickle.dumps(modes))
+    assert sent.on_mesh is None and sent.to_pandas().equals(modes.to_pandas())
     V = model.study.brake.elastic.free.V
     u = np.tile([0.0, 3e-6j, 4e-6], V.dofmap.index_map.size_local)
     grid = mesh_grid(V, u)

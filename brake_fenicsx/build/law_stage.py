@@ -62,18 +62,19 @@ def law_recipe(scene: Scene, stats: SurfaceStatistics) -> micro.LawRecipe | None
     )  # fmt: skip
 
 
-def micro_stage(this: Run, stats: SurfaceStatistics) -> micro.LawLibrary:
-    """Artificial surfaces to a library of pressure-gap laws, shared by the processes."""
+def micro_stage(this: Run, stats: SurfaceStatistics, file: str = "laws.npz") -> micro.LawLibrary:
+    """Artificial surfaces to a library of pressure-gap laws, a file, shared by the processes."""
     scene, recipe = this.scene, law_recipe(this.scene, stats)
     table = scene.micro
     if table is None or recipe is None:
         raise SceneError(f"{scene.file}: micro: the section is missing")
-    path, wanted = this.store.path("laws.npz"), wanted_pressure(this)
+    path, wanted = this.store.path(file), wanted_pressure(this)
 
     def key() -> dict[str, Any]:
         return {**laws_key(scene), "pressure": wanted}
 
-    with this.stage("micro"), this.cache.shared("laws.npz", key, this.comm):
+    with this.stage("micro"), this.cache.shared(file, key, this.comm):
+        path.parent.mkdir(exist_ok=True)
         if not this.comm.bcast(path.exists(), root=0):
             _Laws(this, stats, table, recipe, wanted, digest(key())).write(path)
         library = micro.load_laws(path)

@@ -18,8 +18,21 @@ from brake_fenicsx.surface.topography import Topography, on_grid_of
 MAX_SCAN = 0.5  # m
 
 
-def read_surface(scene: Scene) -> SurfaceStatistics:
-    """Scan to statistics: height distribution, power spectrum, bi-fractal fit."""
+def read_surface(scene: Scene, where: str = "surface") -> SurfaceStatistics:
+    """Scan to statistics: height distribution, power spectrum, bi-fractal fit.
+
+    Args:
+        scene: the scene.
+        where: the section of its surface, for messages.
+    """
+    try:
+        return _read_surface(scene)
+    except SceneError as error:
+        own = str(error).replace(f"{scene.file}: surface", f"{scene.file}: {where}", 1)
+        raise SceneError(own) from None
+
+
+def _read_surface(scene: Scene) -> SurfaceStatistics:
     table = scene.surface
     if table is None:
         raise SceneError(f"{scene.file}: surface: the section is missing")

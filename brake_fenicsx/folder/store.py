@@ -37,7 +37,7 @@ FOLDER, SHARE = "folder", "share"  # what a run claims
 PREPARED = "cache/prepared.json"  # approaches whose samples have all that they share
 _FILES = {
     "surface": ("surface.npz",),
-    "micro": ("laws.npz", "contact_maps.npz"),
+    "micro": ("laws.npz", "zones", "contact_maps.npz"),
     "equilibrium": ("cache", "samples"),
     "stability": ("cache", "samples"),
     "uncertainty": ("samples",),

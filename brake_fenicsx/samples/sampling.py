@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,6 +40,21 @@ if TYPE_CHECKING:
 
 
 PENALTY = "samples.classical.penalty"
+
+
+@dataclass(frozen=True, slots=True)
+class Roughness:
+    """What samples draw of a surface; None what the scene does not ask for.
+
+    Attributes:
+        library: pressure-gap laws.
+        hdf: height distribution, for critical gaps.
+        waviness: mean heights of patches, likewise.
+    """
+
+    library: Laws | None = None
+    hdf: HeightDistribution | None = None
+    waviness: Waviness | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +105,7 @@ def draw_sample(
     waviness: Waviness | None = None,
     values: Mapping[str, float] | None = None,
     laws: EnrichedGap | None = None,
+    zones: Mapping[str, Roughness] = MappingProxyType({}),
 ) -> SampleInput:
     """Sample ``k`` of an approach.
 
@@ -106,6 +123,7 @@ def draw_sample(
         waviness: field of the mean heights of patches, where critical gaps are drawn from it.
         values: scalars by dotted key, SI, in place of those that are drawn or the scene's.
         laws: laws and critical gaps of this sample, where they were drawn with the scene's moduli.
+        zones: interfaces that have a surface of their own.
 
     Raises:
         InaccurateResult: the point cannot be used and may not be replaced.
@@ -127,7 +145,7 @@ def draw_sample(
     elif laws is None or drawn.materials:
         # Each kind of draw has its own child, so that naming one does not change the others.
         streams = _streams(sample_seed(scene.samples.seed, shared))
-        laws = _rough(brake, library, (hdf, waviness), (streams[0], streams[1]))
+        laws = _rough(brake, Roughness(library, hdf, waviness), zones, (streams[0], streams[1]))
     friction = friction_of_contact(brake.contact, approach, drawn)
     return SampleInput(approach, seed, brake, laws, friction, rejected)
 
@@ -164,8 +182,8 @@ def friction_law(contact: Contact, approach: str, values: Values) -> Coefficient
 
 def _rough(
     brake: BrakeAt,
-    library: Laws | None,
-    heights: tuple[HeightDistribution | None, Waviness | None],
+    whole: Roughness,
+    zones: Mapping[str, Roughness],
     streams: tuple[np.random.Generator, np.random.Generator],
 ) -> EnrichedGap:
     """Law and critical gap of each element, the laws for the sample's modulus."""
@@ -175,19 +193,19 @@ def _rough(
     parts: list[Laws] = []
     index, g_cr = np.zeros(interface.size, np.intp), np.zeros(interface.size)
     for i, (name, table) in enumerate(scene.contact.items()):
-        own = interface == i
-        chosen, numbers = _laws(table, library, int(own.sum()), law_rng)
+        own, rough = interface == i, zones.get(name, whole)
+        chosen, numbers = _laws(table, rough.library, int(own.sum()), law_rng)
         index[own] = numbers + sum(len(part) for part in parts)
         if values.materials and name in random_inputs.scaled_interfaces(scene):
             chosen = micro.scaled_laws(chosen, random_inputs.law_factor(name, values))
         parts.append(chosen)
         if table.gap == "none":
             continue
-        hdf, waviness = heights
-        if table.gap == "hdf" and hdf is not None:
-            g_cr[own] = draw_critical_gaps(hdf, int(own.sum()), gap_rng)
-        elif table.gap == "waviness" and waviness is not None:
-            g_cr[own] = draw_waviness(waviness, contact.points[own], contact.normal[own], gap_rng)
+        if table.gap == "hdf" and rough.hdf is not None:
+            g_cr[own] = draw_critical_gaps(rough.hdf, int(own.sum()), gap_rng)
+        elif table.gap == "waviness" and rough.waviness is not None:
+            places = contact.points[own], contact.normal[own]
+            g_cr[own] = draw_waviness(rough.waviness, *places, gap_rng)
         else:
             raise SceneError(
                 f'contact.{name}.gap = "{table.gap}": there are no heights; name the stage surface'

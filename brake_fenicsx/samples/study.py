@@ -38,7 +38,7 @@ from .equilibria import Equilibria
 from .forces import forces_of_sample, mean_friction, moved
 from .models import Models
 from .random_inputs import PERFECT, note_laws, points_of
-from .sampling import SampleInput, draw_sample, sample_count, sample_seed
+from .sampling import Roughness, SampleInput, draw_sample, sample_count, sample_seed
 from .solve import More, displacements, full_modes, modes_of_sample, reduced_modes
 
 T = TypeVar("T")
@@ -62,6 +62,7 @@ class Study:
         comm: MPI.Comm,
         cache: SharedCache | None = None,
         waviness: Waviness | None = None,
+        zones: Mapping[str, Roughness] | None = None,
     ):
         """Collect what the samples need.
 
@@ -74,7 +75,9 @@ class Study:
             comm: processes that share the samples.
             cache: what the folder shares with others; nothing if None.
             waviness: mean heights of patches, where critical gaps are drawn from them.
+            zones: interfaces that have a surface of their own.
         """
+        self.zones: Mapping[str, Roughness] = zones or {}
         self.waviness = waviness
         self.scene: Scene = scene
         self.brake: Brake = brake
@@ -332,6 +335,7 @@ class Study:
         drawn = draw_sample(
             self.scene, approach, k, self.models.brake.at, self.library, self.hdf,
             None if points is None else points[k], self.waviness, values, self._laws.get(task),
+            self.zones,
         )  # fmt: skip
         self._laws = {} if drawn.values.materials else {task: drawn.laws}
         return drawn

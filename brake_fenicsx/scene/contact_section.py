@@ -15,6 +15,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
 
 from .keys import key, rising_pair, shown
+from .surface_section import Surface
 from .units import factor_to_si, usual_unit, with_unit
 
 Array = NDArray[np.float64]
@@ -125,6 +126,8 @@ class ContactTable:
         friction_in_equilibrium: whether friction also acts in the equilibrium.
         search: largest gap at which facets are paired; the largest facet if not given.
         zone: part of the faces that the interface is restricted to; all of them if not given.
+        surface: surface of this interface alone, with the keys of [surface], which is that of all
+            others; its laws are made with [micro].
         slip: "motion": the faces slide along the scene's motion; "stuck": they do not slide
             ([contact.md](contact.md#faces-that-stick)).
         tangential_stiffness: tangential stiffness of faces that stick, equal in all tangential
@@ -139,6 +142,7 @@ class ContactTable:
     friction_in_equilibrium: bool = True
     search: float | None = key("m", default=None)
     zone: Zone | None = None
+    surface: Surface | None = None
     slip: str = key(default="motion", choices=("motion", "stuck"))
     tangential_stiffness: float | None = key("Pa/m", default=None, band=(1e9, 1e17))
 
@@ -148,6 +152,8 @@ class ContactTable:
         if self.slip == "stuck" and k_t is None:
             yield """.slip = "stuck": needs tangential_stiffness, that of the faces along each
                 other, such as tangential_stiffness = "1e13 Pa/m" """
+        if self.surface is not None and self.law != "library" and self.gap == "none":
+            yield """.surface: nothing is made of it; write law = "library", or a gap"""
         if self.slip == "motion" and k_t is not None:
             yield f""".tangential_stiffness = {k_t:g} Pa/m: acts where faces stick; write slip =
                 "stuck" as well, or leave it out"""

@@ -25,7 +25,7 @@ FORMAT = 4
 NO_RESULT = ("stages", "samples", "sweep", "extensions")
 
 # Keys of an interface that mesh, matrices and contact elements do not depend on.
-_LAWS = ("law", "gap", "friction", "friction_in_equilibrium")
+_LAWS = ("law", "gap", "friction", "friction_in_equilibrium", "surface")
 
 
 def in_effect(scene: Scene) -> dict[str, Any]:
@@ -133,12 +133,14 @@ def file_digests(scene: Scene) -> dict[str, str]:
     Args:
         scene: the scene.
     """
-    surface, files = scene.surface, {"mesh.file": scene.mesh.file}
-    if surface is not None:
-        files["surface.form"] = surface.form
-        many = len(surface.scans) > 1
-        for k, file in enumerate(surface.scans, 1):
-            files[f"surface.scan.{k}" if many else "surface.scan"] = file
+    surfaces, files = {"surface": scene.surface}, {"mesh.file": scene.mesh.file}
+    surfaces |= {f"contact.{name}.surface": c.surface for name, c in scene.contact.items()}
+    for where, surface in surfaces.items():
+        if surface is not None:
+            files[f"{where}.form"] = surface.form
+            many = len(surface.scans) > 1
+            for k, file in enumerate(surface.scans, 1):
+                files[f"{where}.scan.{k}" if many else f"{where}.scan"] = file
     for name, part in scene.parts.items():
         for f in fields(part.matrices) if part.matrices else ():
             if isinstance(value := getattr(part.matrices, f.name), str):

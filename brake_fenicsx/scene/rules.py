@@ -65,23 +65,24 @@ def _stages(s: Scene) -> Iterator[str]:
 
 def _surface(s: Scene) -> Iterator[str]:
     """Files that are not there or count twice, and what gaps ask of the surface."""
-    surface = s.surface
-    if surface is None or "surface" not in s.stages:
-        return
-    scan, files = surface.scan, surface.scans
-    if scan == ():
-        yield "surface.scan = []: an empty list; name the file of a scan, or several"
-    if not scan and not surface.statistics:
-        yield "surface: name a scan or statistics"
-    if scan and surface.statistics:
-        yield f"surface.scan = {shown(scan)}: give either surface.scan or surface.statistics"
-    for name, file in [*(("scan", f) for f in files), ("form", surface.form)]:
-        if file and not os.path.isfile(s.path(file)):
-            yield f"surface.{name} = {file!r}: no such file; paths start at the scene's folder"
-    for one, other in combinations(files, 2):
-        if os.path.samefile(s.path(one), s.path(other)):
-            yield f"""surface.scan: {other!r} is the same file as {one!r} and would count twice;
-                leave it out"""
+    own = {f"{dotted('contact', n)}.surface": c.surface for n, c in s.contact.items()}
+    for where, surface in {"surface": s.surface, **own}.items():
+        if surface is None or "surface" not in s.stages:
+            continue
+        scan, files = surface.scan, surface.scans
+        if scan == ():
+            yield f"{where}.scan = []: an empty list; name the file of a scan, or several"
+        if not scan and not surface.statistics:
+            yield f"{where}: name a scan or statistics"
+        if scan and surface.statistics:
+            yield f"{where}.scan = {shown(scan)}: give either {where}.scan or {where}.statistics"
+        for name, file in [*(("scan", f) for f in files), ("form", surface.form)]:
+            if file and not os.path.isfile(s.path(file)):
+                yield f"{where}.{name} = {file!r}: no such file; paths start at the scene's folder"
+        for one, other in combinations(files, 2):
+            if os.path.samefile(s.path(one), s.path(other)):
+                yield f"""{where}.scan: {other!r} is the same file as {one!r} and would count twice;
+                    leave it out"""
 
 
 def _contact(s: Scene) -> Iterator[str]:

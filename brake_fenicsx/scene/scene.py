@@ -10,10 +10,10 @@ assembled nor imported.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, is_dataclass, make_dataclass
+from dataclasses import dataclass, is_dataclass, make_dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from brake_fenicsx.extensions import Extensions, extras, load
 
@@ -102,6 +102,16 @@ class Scene:
         """Dotted keys of the scalars that are random, swept or take other values for an extra."""
         swept = self.sweep.parameters if self.sweep else ()
         return sorted({*self.samples.random, *swept, *self.spanned})
+
+    @property
+    def of_own_surface(self) -> dict[str, Self]:
+        """Interfaces with a surface of their own -> the scene with this one as [surface]."""
+        own = {n: c.surface for n, c in self.contact.items() if c.surface is not None}
+        tables = {name: self.table["contact"][name]["surface"] for name in own}
+        return {
+            name: replace(self, surface=surface, table={**self.table, "surface": tables[name]})
+            for name, surface in own.items()
+        }
 
     def section(self, name: str) -> Any:
         """A section of an extra; None where neither the scene nor the program has it."""

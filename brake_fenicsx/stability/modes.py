@@ -10,7 +10,7 @@ The rows of a band are chosen among eigenvalues here, rigid modes and divergence
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -82,6 +82,11 @@ class Modes(Shown):
     def __post_init__(self) -> None:
         """An estimate that is no number is none: the error may have any size."""
         object.__setattr__(self, "error", np.where(np.isnan(self.error), np.inf, self.error))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What another process gets: all but the mesh, which stays with its model."""
+        names = (f.name for f in fields(self))
+        return type(self), tuple(None if n == "on_mesh" else getattr(self, n) for n in names)
 
     def __len__(self) -> int:
         """Number of modes."""

@@ -24,23 +24,14 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.macro.elasticity import Elastic
 from brake_fenicsx.meshing.brake_mesh import Mesh
-from brake_fenicsx.report.style import (
-    BLACK,
-    BLUE,
-    KHZ,
-    finish,
-    house_style,
-    new_figure,
-    panel,
-    save,
-)
+from brake_fenicsx.report import style
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.stability.substructures.substructure import ModalRatio
 
 from .measured import NODES, SYSTEMS, UNITS, nodes_of, read_sets
 from .part_modes import part_body, surface_rows
-from .responses import BEYOND, Damped, Receptances, frac, real_modes, receptances
+from .responses import BEYOND, Damped, frac, real_modes, receptances
 from .study import check_distance, correlate, part_name
 
 Array = NDArray[np.float64]
@@ -51,8 +42,6 @@ ORDER, FORCE = {8: 0, 11: 1, 12: 2}, 13
 QUANTITY = ("receptance [m/N]", "mobility [m/(s N)]", "accelerance [1/kg]")
 GRAVITY = 9.80665  # of accelerations in g
 EVENLY, MOST = 1000, 8  # frequencies of the model alone; responses of the figure
-DIRECTIONS = {f"{sign}{axis}": one * np.eye(3)[i] for sign, one in (("", 1), ("+", 1), ("-", -1))
-              for i, axis in enumerate("xyz")}  # fmt: skip
 POINTS = ("force_x_mm", "force_y_mm", "force_z_mm", "force_direction",
           "x_mm", "y_mm", "z_mm", "direction")  # fmt: skip
 UNDAMPED = "\nno damping, infinite peaks: write [stability.damping]"
@@ -151,20 +140,21 @@ def _measured(
 def _asked(file: Path) -> Iterator[Response]:
     """Points and directions of a table."""
     with reading(file, "as a table"):
-        rows = [*csv.reader(file.read_text("utf-8-sig").splitlines())]
-    if not rows or tuple(c.strip() for c in rows[0]) != POINTS or len(rows) < 2:
+        rows = [[c.strip() for c in row] for row in csv.reader(file.open(encoding="utf-8-sig"))]
+    if not rows or tuple(rows[0]) != POINTS or len(rows) < 2:
         raise SceneError(f"{file}: write the heading {','.join(POINTS)}, and a line for a response")
-    for line, row in enumerate(rows[1:], start=2):
-        cells = [c.strip() for c in row]
+    for line, cells in enumerate(rows[1:], start=2):
         try:
             points = 1e-3 * np.array([[float(c) for c in cells[k : k + 3]] for k in (0, 4)])
-            directions = np.array([DIRECTIONS[cells[k]] for k in (3, 7)])
+            turned = [np.eye(3)["xyz".index(cells[k][-1:] or "?")] for k in (3, 7)]
+            signs = [{"": 1, "+": 1, "-": -1}[cells[k][:-1]] for k in (3, 7)]
         except (ValueError, IndexError, KeyError):
             raise SceneError(
                 f"{file}: line {line}: {','.join(cells)}: write numbers [mm], and directions x, y,"
                 " z, -x, -y or -z"
             ) from None
         names = f"line {line} {cells[3]}", f"line {line} {cells[7]}"
+        directions = np.array(turned) * np.array(signs)[:, None]
         yield Response(names, points, directions, 0, np.zeros(0), np.zeros(0, complex))
 
 
@@ -232,7 +222,13 @@ def respond(
         write_rows(folder / "frac.csv", ROWS, table)
         write_rows(folder / "responses.csv", COLUMNS, _cells(asked, model))
         _draw(folder, asked, model, table)
-    return _said(name, supported, found, table, body, folder)
+    held = "supported" if supported else "free"
+    return (
+        f"part {name}, {held}: {found.modes} modes and residual vectors; against full order at"
+        f" {found.worst:.5g} Hz, where the residual is largest, {found.error:.1e} of the largest"
+        f" response{'' if body.C.nnz or body.ratio.any() else UNDAMPED}\n"
+        f"{text_table(ROWS, table)}\nopen {folder / 'responses.png'}"
+    )
 
 
 def _inside(file: Path, r: Response, band: tuple[float, ...]) -> Response:
@@ -287,32 +283,19 @@ def _draw(
 ) -> None:
     """Moduli over the frequency, the first responses of the file."""
     shown = [*zip(asked[:MOST], model, table, strict=False)]
-    with house_style():
+    with style.house_style():
         lines = (len(shown) + 1) // 2
-        figure, axes = new_figure(lines, min(len(shown), 2), 0.6 + 2.0 * lines)
+        figure, axes = style.new_figure(lines, min(len(shown), 2), 0.6 + 2.0 * lines)
         for axis in axes.ravel()[len(shown) :]:
             axis.remove()
         for axis, letter, (r, H, row) in zip(axes.ravel(), "abcdefgh", shown, strict=False):
             khz, there = 1e-3 * r.frequency, np.isfinite(r.value).all()
             if there:
-                axis.semilogy(khz, np.abs(r.value), color=BLACK, linewidth=1.0, label="test")
+                axis.semilogy(khz, np.abs(r.value), color=style.BLACK, linewidth=1.0, label="test")
             computed = np.abs(H * (2j * np.pi * r.frequency) ** r.order)
-            axis.semilogy(khz, computed, color=BLUE, linewidth=1.0, label="model")
+            axis.semilogy(khz, computed, color=style.BLUE, linewidth=1.0, label="model")
             agrees = f", FRAC {row[4]:.2f}" if there else ""
-            panel(axis, letter, f"{r.names[1]}, force at {r.names[0]}{agrees}")
-            finish(axis, xlabel=KHZ, ylabel=QUANTITY[r.order])
+            style.panel(axis, letter, f"{r.names[1]}, force at {r.names[0]}{agrees}")
+            style.finish(axis, xlabel=style.KHZ, ylabel=QUANTITY[r.order])
         axes[0, 0].legend()
-        save(figure, folder, "responses")
-
-
-def _said(
-    part: str, supported: bool, found: Receptances, table: list[list[Value]], body: Damped,
-    folder: Path,
-) -> str:  # fmt: skip
-    held = "supported" if supported else "free"
-    none = "" if body.C.nnz or body.ratio.any() else UNDAMPED
-    return (
-        f"part {part}, {held}: {found.modes} modes and residual vectors; against full order at"
-        f" {found.worst:.5g} Hz, where the residual is largest, {found.error:.1e} of the largest"
-        f" response{none}\n{text_table(ROWS, table)}\nopen {folder / 'responses.png'}"
-    )
+        style.save(figure, folder, "responses")

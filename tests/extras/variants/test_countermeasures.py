@@ -312,9 +312,9 @@ def test_computed_laws_follow_the_modulus_behind_them(tmp_path):
     key = "materials.lining.E"
     search = module.Search(BLOCK, COMM, tmp_path, [*library, levers((key, "'3 GPa'"))], None)
     (c,) = search.scene.countermeasures
-    scene = read_scene(BLOCK, [*library, *search.changes(c, 2.5e9)])
+    scene = read_scene(BLOCK, [*library, *search.changes({c: 2.5e9})])
     assert scene.materials["lining"].E == 2.5e9
     assert (scene.micro.E, scene.micro.hardness) == pytest.approx((1.25 * 1.5e9, 1.25 * 300e6))
-    assert search.changes(replace(c, key="materials.iron.E"), 2e11) == [
+    assert search.changes({replace(c, key="materials.iron.E"): 2e11}) == [
         'materials.iron.E="200000000000.0 Pa"'
     ]
