@@ -42,7 +42,7 @@ _SKIN = re.compile(r"(?:S|M3D|CPS|SFM3D|STRI)([3468])[RSW5]*")
 _MARKS = ("CPS", "SFM")
 _DATA = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
 # A keyword or numbers, which do not go on with the keyword of the line before.
-_DATA_LINE = re.compile(r"\*|\s*[-+.]?\d")
+_DATA_LINE = re.compile(r"\*|\s*[-+.,\d]")
 # Files that a deck may include, and numbers that a range of a set may have.
 MOST_FILES, MOST_NUMBERS = 1000, 10**7
 # Blocks with an end of their own.
