@@ -54,8 +54,9 @@ def write_grid(
         root.attrs.create("Type", b"UnstructuredGrid", dtype=text)
         root["NumberOfPoints"], root["NumberOfCells"] = [len(points)], [len(cells)]
         root["NumberOfConnectivityIds"] = [cells.size]
-        root["Points"], root["Connectivity"] = np.asarray(points, float), cells.ravel()
-        root["Offsets"] = cells.shape[1] * np.arange(len(cells) + 1)
+        # VTK 9.2 and 9.3 show no cell unless both have integers of one kind.
+        root["Points"], root["Connectivity"] = np.asarray(points, float), cells.ravel().astype("i8")
+        root["Offsets"] = cells.shape[1] * np.arange(len(cells) + 1, dtype="i8")
         root["Types"] = np.full(len(cells), kind, np.uint8)
         for place, fields in (("PointData", at_points), ("CellData", at_cells)):
             group = root.create_group(place)

@@ -42,7 +42,7 @@ _SKIN = re.compile(r"(?:S|M3D|CPS|SFM3D|STRI)([3468])[RSW5]*")
 _MARKS = ("CPS", "SFM")
 _DATA = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
 # A keyword or numbers, which do not go on with the keyword of the line before.
-_DATA_LINE = re.compile(r"\*|\s*[-+.]?\d")
+_DATA_LINE = re.compile(r"\*|\s*[-+.,\d]")
 # Files that a deck may include, and numbers that a range of a set may have.
 MOST_FILES, MOST_NUMBERS = 1000, 10**7
 # Blocks with an end of their own.
@@ -324,18 +324,15 @@ def _elements(deck: _AbaqusDeck, block: DeckKeyword) -> None:
             deck.blocks.append(replace(block, scope=scope.name))
         return
     nodes = int((solid or skin)[1])  # type: ignore[index]
-    rows, words = list[list[int]](), list[int]()
+    rows = list[list[int]]()
     for row in block.rows:
-        begun = len(words)
-        words += [int(word) for word in row if word]
-        if begun and len(words) > nodes + 1:
-            break
-        if len(words) > nodes:
-            rows.append(words[: nodes + 1])
-            words = []
-    if words:
+        own = [int(word) for word in row if word]
+        if rows and len(rows[-1]) <= nodes:
+            rows[-1] += own
+        else:  # numbers after the nodes mean nothing
+            rows.append(own[: nodes + 1])
+    if any(len(row) != nodes + 1 for row in rows):
         raise SceneError(f"a row has not {nodes} nodes; is the file whole?")
-    # Numbers after the nodes of an element mean nothing.
     table = np.array(rows, dtype=np.int64).reshape(-1, nodes + 1)
     if nodes == 27:
         table[:, 1:] = table[:, 1:][:, _VTK27]

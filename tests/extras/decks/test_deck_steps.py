@@ -184,6 +184,11 @@ LEFT = {
         "*FRICTION (brake.inp:{}): 2 data lines are not understood",
         lambda s: "# proposed: friction" in s.file.read_text(),
     ),
+    "a tension of faces apart, after the stiffness of contact in CalculiX 2.20": (
+        {"interaction": INTERACTION.replace("2.E4", "20., 3., 0.001")},
+        "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR (brake.inp:{}): its first number is taken",
+        lambda s: s.contact["block_plate"].law.linear == pytest.approx(2e10),
+    ),
     "a table of temperatures": (
         {"materials": MATERIALS.replace("2000., 0.3\n", "2000., 0.3, 20.\n1500., 0.3, 200.\n")},
         "*ELASTIC (brake.inp:{}): 6 numbers",

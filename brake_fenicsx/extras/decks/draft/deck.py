@@ -142,7 +142,10 @@ def _behavior(deck: Deck, block: DeckKeyword) -> str | None:
     own.pop("law", None)
     if kind == "LINEAR":
         own["law"] = {"linear": Quantity(given[0], "Pa/m")}
-    return "write the stiffness of the tie" if kind == "TIED" and given else None
+    if kind == "TIED" and given:
+        return "write the stiffness of the tie"
+    # CalculiX: the tension of faces apart, and how far apart they are still in contact.
+    return "its first number is taken alone" if given[1:] else None
 
 
 def _friction(deck: Deck, block: DeckKeyword) -> str | None:
