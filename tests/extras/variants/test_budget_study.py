@@ -18,15 +18,15 @@ from brake_fenicsx.extras.variants.budget import run_budget
 from brake_fenicsx.extras.variants.knobs import Knob, Variant, knobs
 from brake_fenicsx.extras.variants.runs import Runs
 from brake_fenicsx.scene import read_scene
+from coarse_block import SCENES
 
 COMM = MPI.COMM_SELF
-SCENES = Path(__file__).parents[3] / "scripts" / "scenes"
 BLOCK, DEMO = SCENES / "block_on_plate.toml", SCENES / "disc_brake_demo.toml"
 ROUGH = [
     "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '0.05 um' }", "contact.block_plate.gap=hdf",
     "contact.block_plate.law={ p0 = '10 MPa', u0 = '0.05 um' }",
-    "stability.band=['0 Hz','30 kHz']", "stability.method=reduced", "samples.n=4",
+    "stability.band=['0 Hz','30 kHz']", "stability.method=reduced", "samples.n=2",
     "parts.plate.size='20 mm'", "parts.block.size='14 mm'",
 ]  # fmt: skip
 
