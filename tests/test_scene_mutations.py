@@ -5,7 +5,6 @@ import json
 import math
 import random
 import tomllib
-from pathlib import Path
 
 import jsonschema
 
@@ -15,8 +14,7 @@ from brake_fenicsx.scene import read_scene, scene_type
 from brake_fenicsx.scene.digest import in_effect
 from brake_fenicsx.scene.keys import json_schema
 from brake_fenicsx.scene.warnings import unusual
-
-SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
+from coarse_block import SCENES
 
 # Every section and kind of value, on a few cells.
 RICH = tomllib.loads((SCENES / "block_on_plate.toml").read_text())
@@ -120,12 +118,12 @@ def damaged(table, rng):
     return table
 
 
-def test_a_thousand_damaged_scenes_are_read_or_refused(tmp_path):
+def test_damaged_scenes_are_read_or_refused(tmp_path):
     dump(RICH, path := tmp_path / "scene.toml")
     assert read_scene(path).stages
     schema = jsonschema.Draft202012Validator(json_schema(scene_type()))
     refused = 0
-    for seed in range(1000):
+    for seed in range(500):
         dump(damaged(RICH, random.Random(seed)), path)
         try:
             scene = read_scene(path)
@@ -137,7 +135,7 @@ def test_a_thousand_damaged_scenes_are_read_or_refused(tmp_path):
             assert all("\n" not in line for line in unusual(scene))
             json.dumps(in_effect(scene), allow_nan=False)
             assert list(schema.iter_errors(scene.table)) == [], seed
-    assert 700 < refused < 990
+    assert 350 < refused < 495
 
 
 def test_long_values_are_shown_short(tmp_path):
