@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
+SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
+BLOCK = SCENES / "block_on_plate.toml"
 FRICTION, HEIGHT = "contact.block_plate.friction", "parts.block.height"
 ROUGH = [
     "stages=['surface','equilibrium','stability','uncertainty']",

@@ -19,11 +19,12 @@ import pytest
 
 # Groups of minutes, longest first: what begins last is short, and both workers end together.
 LONG = (
-    "test_extras", "test_displaced_meshes", "test_thicknesses", "test_registry", "drawn",
-    "test_budget_study", "test_masked", "test_damping_scene", "test_heights_of_builders",
-    "test_drivers", "test_inertia", "test_line", "test_real_meshes", "test_extensions",
-    "test_costs", "test_pipeline", "test_lay", "test_bodies", "test_executors", "test_spectrum",
-    "test_account", "test_sweep_of_a_scene", "test_bodies_by_matrices", "test_countermeasures",
+    "test_displaced_meshes", "test_bodies", "test_account", "test_reduced_model", "drawn",
+    "test_pipeline", "test_values", "test_sweep_of_a_scene", "test_heights_of_builders",
+    "test_masked", "test_drivers", "test_budget_study", "test_thickness_hard", "test_inertia",
+    "test_countermeasures", "test_lay", "test_thicknesses", "test_sweep_on_few_values",
+    "test_own_classes", "test_extras", "test_registry", "test_shells", "test_friction",
+    "test_line", "test_real_meshes", "test_executors", "test_extensions",
 )  # fmt: skip
 
 

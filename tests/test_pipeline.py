@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -21,11 +20,10 @@ from brake_fenicsx.results.versions import LIBRARIES, version_of
 from brake_fenicsx.samples import equilibria
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import read_scene
+from coarse_block import BLOCK, SCENES
 from full_order import text_rows
 from processes import command
 
-SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
-BLOCK = SCENES / "block_on_plate.toml"
 COARSE = [
     "parts.disc.size=40 mm",
     "parts.pad.size=16 mm",

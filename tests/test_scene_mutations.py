@@ -5,7 +5,6 @@ import json
 import math
 import random
 import tomllib
-from pathlib import Path
 
 import jsonschema
 
@@ -15,8 +14,7 @@ from brake_fenicsx.scene import read_scene, scene_type
 from brake_fenicsx.scene.digest import in_effect
 from brake_fenicsx.scene.keys import json_schema
 from brake_fenicsx.scene.warnings import unusual
-
-SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
+from coarse_block import SCENES
 
 # Every section and kind of value, on a few cells.
 RICH = tomllib.loads((SCENES / "block_on_plate.toml").read_text())

@@ -1,7 +1,6 @@
 """Rotation about any axis: a brake that is turned in space has the same modes, forces and slips."""
 
 from functools import cache
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -21,8 +20,8 @@ from brake_fenicsx.macro.resultants import pad_forces
 from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import complex_modes
+from coarse_block import SCENES
 
-SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 BRAKE = [
     "stages=['equilibrium','stability']", "surface={}", "micro={}", "samples={}",
     "parts.disc={ builder='disc', radius='60 mm', bore='25 mm', thickness='10 mm', size='60 mm',"

@@ -119,7 +119,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(
     law=st.sampled_from([*LAWS]), key=st.sampled_from([*NOMINAL]), factor=st.floats(0.8, 1.25),
     drawn=st.booleans(),

@@ -18,9 +18,9 @@ from brake_fenicsx.extras.variants.budget import run_budget
 from brake_fenicsx.extras.variants.knobs import Knob, Variant, knobs
 from brake_fenicsx.extras.variants.runs import Runs
 from brake_fenicsx.scene import read_scene
+from coarse_block import SCENES
 
 COMM = MPI.COMM_SELF
-SCENES = Path(__file__).parents[3] / "scripts" / "scenes"
 BLOCK, DEMO = SCENES / "block_on_plate.toml", SCENES / "disc_brake_demo.toml"
 ROUGH = [
     "stages=['surface','equilibrium','stability','uncertainty']",
