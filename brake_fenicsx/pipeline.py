@@ -34,7 +34,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import load, named
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.lock import Share
-from brake_fenicsx.folder.log import logger, spared, start_log
+from brake_fenicsx.folder.log import Progress, logger, spared, start_log
 from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.folder.store import PREPARED, Store, check_folder, enter_prepared, open_folder
 from brake_fenicsx.results.versions import differences, versions
@@ -446,7 +446,9 @@ def report(
     if not directory.is_dir():
         read_run(directory)  # says what it is
     works = figure_works(directory, pictures, own)
+    progress = Progress("figures, in parts", len(works), processes=comm.size)
     for _, lost in in_turns(len(works), lambda i: works[i](), comm):
+        progress.advance()
         for text in lost:
             logger.warning("%s", text)
     if comm.rank == 0:
