@@ -227,9 +227,8 @@ def make_figures(
     with house_style():
         given = [Plot(f"own_{name}", name, draw_it) for name, draw_it in own.items()]
         plots = [*PLOTS, *given][share]
-        progress = Progress(
-            "figures" if share.step in (None, 1) else "figures of a process", len(plots)
-        )
+        part = "" if share.step in (None, 1) else ", share of a process"
+        progress = Progress(f"figures{part}", len(plots))
         for plot in plots:
             for old in folder.glob(f"{plot.name}.*"):
                 old.unlink()  # perhaps of an earlier run with other stages or keys
