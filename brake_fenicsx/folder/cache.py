@@ -36,8 +36,7 @@ class SharedCache:
         Raises:
             SceneError: it is no folder, or cannot be written to.
         """
-        self.store: Store = store
-        self.directory: Path | None = directory
+        self.store, self.directory = store, directory
         if directory is None:
             return
         try:

@@ -104,8 +104,7 @@ class ResultFiles:
     """
 
     def __init__(self, directory: Path):
-        self.directory: Path = directory
-        self.digest: str = ""
+        self.directory, self.digest = directory, ""
 
     def path(self, *names: str) -> Path:
         """A path in the folder."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import re
+from contextlib import suppress
 from pathlib import Path
 
 CPUINFO, MAPS = Path("/proc/cpuinfo"), Path("/proc/self/maps")
@@ -27,21 +28,17 @@ def best_kernels(cpuinfo: Path = CPUINFO) -> str | None:
         Value for OPENBLAS_CORETYPE, which OpenBLAS reads when it is loaded; None where the
         instruction set is not known or too old, and the choice is left to OpenBLAS.
     """
-    try:
-        with cpuinfo.open() as lines:
-            flags = next((set(line.split()) for line in lines if line.startswith("flags")), set())
-    except OSError:
-        return None
-    return next((name for name, needed in KERNELS.items() if needed <= flags), None)
+    with suppress(OSError), cpuinfo.open() as lines:
+        flags = next((set(line.split()) for line in lines if line.startswith("flags")), set())
+        return next((name for name, needed in KERNELS.items() if needed <= flags), None)
+    return None
 
 
 def kernels_in_use() -> str:
     """Releases and kernels of the OpenBLAS libraries that this process has loaded; "" of none."""
-    try:
-        files = set(re.findall(r"/\S*openblas\S*", MAPS.read_text("utf-8")))
-    except OSError:
-        return ""
-    found = set()
+    files, found = set[str](), set[str]()
+    with suppress(OSError):
+        files |= {*re.findall(r"/\S*openblas\S*", MAPS.read_text("utf-8"))}
     for file in files:
         library = ctypes.CDLL(file)
         for name in ("openblas_get_config", "scipy_openblas_get_config64_"):

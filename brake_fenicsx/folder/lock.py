@@ -77,8 +77,7 @@ def read_share(text: str) -> Share:
         if tasks not in (0, count):
             raise SceneError(f"--share {text}: the job array has {tasks} tasks; write --share")
         if not count:
-            raise SceneError("""--share: this scheduler does not say how many tasks there are; write
-                --share /N""")
+            raise SceneError("--share: how many tasks there are is not known; write --share /N")
     if not 1 <= number <= count:
         raise SceneError(f"--share {text}: write I/N with I from 1 to N, such as --share 3/16")
     return Share(number, count)
@@ -220,10 +219,9 @@ class Lock:
 
     def _touched(self, name: str) -> float | None:
         """When the file of a run was touched last; None if there is no such file."""
-        try:
+        with suppress(FileNotFoundError):
             return self._file(name).stat().st_mtime
-        except FileNotFoundError:
-            return None
+        return None
 
     def _file(self, name: str) -> Path:
         return self.folder / f"{name}{_RUN}"

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 T = TypeVar("T")
-H = TypeVar("H", bound=logging.Handler)
 logger = logging.getLogger("brake_fenicsx")
 # What no later work of the run survives either.
 FATAL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO}
@@ -68,7 +67,7 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
         early.flush()
 
 
-def _set(handler: H, level: int | str, form: logging.Formatter | None = None) -> H:
+def _set(handler: Any, level: int | str, form: logging.Formatter | None = None) -> Any:
     handler.setLevel(level)
     handler.setFormatter(form or _Lines())
     return handler
@@ -164,9 +163,8 @@ def spared(what: str, work: Callable[[], T]) -> tuple[T | None, list[str]]:
     except Exception as error:
         if isinstance(error, OSError) and error.errno in FATAL:
             raise
-        reason = " ".join(str(error).split()) or type(error).__name__
         logger.debug("%s", what, exc_info=True)
-        return None, [f"{what} left out: {reason}"]
+        return None, [f"{what} left out: {' '.join(str(error).split()) or type(error).__name__}"]
 
 
 def time_text(seconds: float) -> str:

@@ -58,8 +58,7 @@ def on_first(work: Callable[[], T], comm: MPI.Comm) -> T:
     Raises:
         Exception: what it raises, on all.
     """
-    (one,) = in_turns(1, lambda i: work(), comm)
-    return one
+    return next(in_turns(1, lambda i: work(), comm))
 
 
 def meanwhile(work: Callable[[], T], comm: MPI.Comm) -> Callable[[], T]:

@@ -36,24 +36,20 @@ RUNNING, MARK = "running", "scene.sha256"
 FOLDER, SHARE = "folder", "share"  # what a run claims
 PREPARED = "cache/prepared.json"  # approaches whose samples have all that they share
 _FILES = {
-    "surface": ("surface.npz",),
-    "micro": ("laws.npz", "zones", "contact_maps.npz"),
-    "equilibrium": ("cache", "samples"),
-    "stability": ("cache", "samples"),
-    "uncertainty": ("samples",),
-    "report": (
-        "figures", "fields", "report.html", "contact_faces.npz", "laws.csv",
-        "artificial_surface.csv", "artificial_surface.npz",
-    ),
-}  # fmt: skip
+    "surface": "surface.npz",
+    "micro": "laws.npz zones contact_maps.npz",
+    "equilibrium": "cache samples",
+    "stability": "cache samples",
+    "uncertainty": "samples",
+    "report": "figures fields report.html contact_faces.npz laws.csv artificial_surface.csv"
+    " artificial_surface.npz",
+}
 
 # What is made of the samples and the lines of a sweep at the end of every run.
-MADE_OF_SAMPLES = (
-    "samples.csv", "modes.csv", "modes.parquet", "contact.csv", "contact.npz", "drivers.csv",
-    "drivers_contact.csv", "probabilities.csv", "convergence.csv", "sensitivity.csv", "causes.npz",
-    "shapes.npz", "sweep.npz", "sweep.csv", "lock_in.csv", "chart.csv", "critical.csv",
-    "critical_curve.csv", "mode_shapes.npz",
-)  # fmt: skip
+MADE_OF_SAMPLES = """samples.csv modes.csv modes.parquet contact.csv contact.npz drivers.csv
+    drivers_contact.csv probabilities.csv convergence.csv sensitivity.csv causes.npz shapes.npz
+    sweep.npz sweep.csv lock_in.csv chart.csv critical.csv critical_curve.csv
+    mode_shapes.npz"""
 
 
 class Store(ResultFiles):
@@ -84,8 +80,8 @@ class Store(ResultFiles):
         self.digest = digest
         folder, remedy = self.directory, "choose another folder with -o"
         if folder.is_symlink() and not folder.exists():
-            raise SceneError(f"""-o {folder}: a broken symbolic link (to {os.readlink(folder)});
-                {remedy}""")
+            to = os.readlink(folder)
+            raise SceneError(f"-o {folder}: a broken symbolic link (to {to}); {remedy}")
         mark = self._mark()
         if mark == digest:
             return
@@ -121,7 +117,7 @@ class Store(ResultFiles):
         self.directory.mkdir(parents=True, exist_ok=True)
         if from_stage is not None:
             later = list(_FILES)[list(_FILES).index(from_stage) :]
-            for name in dict.fromkeys(file for stage in later for file in _FILES[stage]):
+            for name in dict.fromkeys(file for stage in later for file in _FILES[stage].split()):
                 emptied(self.path(name))
             self.samples = SampleFiles(self)
         remove_remains(self.directory)
@@ -132,7 +128,7 @@ class Store(ResultFiles):
 
     def forget_tables(self) -> None:
         """Remove the tables of an earlier run, of which this one may not make all."""
-        for name in MADE_OF_SAMPLES:
+        for name in MADE_OF_SAMPLES.split():
             self.path(name).unlink(missing_ok=True)
 
 

@@ -146,8 +146,7 @@ def prepare_shapes(
         stored = study.stored(task)
         modes.append((study.sample(task), stored, np.array([mode.mode])))
     found, missing = spared("shapes of modes", lambda: displacements(study.models, modes, comm, 1))
-    missing = written()[1] + missing
-    shapes, works = iter(found or ()), []
+    lost, shapes, works = written()[1], iter(found or ()), []
     for chosen in drawn if found is not None else ():
         own = [next(shapes) for _ in chosen]
         works += _shape_works(study, run, chosen, [u[:, 0] for u, _ in own], pictures)
@@ -157,7 +156,7 @@ def prepare_shapes(
             for mode, (_, error) in zip(chosen, own, strict=True)
             if not error[0] <= EXACT
         ]
-    return ShapeWorks(works, missing)
+    return ShapeWorks(works, lost + missing)
 
 
 def write_shapes(study: Study, rows: Sequence[ModeShape]) -> None:

@@ -15,8 +15,8 @@ from .tables import Row
 STAGES = {  # for a reader, by the names in summary.json
     "brake": "mesh and matrices of the brake", "surface": "surface", "micro": "contact laws",
     "offline": "reduced model", "samples": "samples", "sweep": "sweep",
-    "results": "tables", "pictures": "fields, pictures and figures",
-    "verification": "samples at full order", "report": "page",
+    "results": "tables", "pictures": "verification, pictures and figures",
+    "verification": "verification at full order", "report": "page",
 }  # fmt: skip
 
 
