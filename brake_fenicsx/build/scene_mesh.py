@@ -15,6 +15,7 @@ from brake_fenicsx.errors import SceneError, located
 from brake_fenicsx.extensions import provided
 from brake_fenicsx.macro.morphing import EVEN
 from brake_fenicsx.meshing import brake_mesh
+from brake_fenicsx.meshing.brake_mesh import Builder, Mesh, known_names, raw_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings, gmsh_session
 from brake_fenicsx.meshing.groups import GroupedFile, mesh_of_file
 from brake_fenicsx.meshing.rawmesh import RawMesh, joined
@@ -23,7 +24,7 @@ from brake_fenicsx.scene.parts_section import MeshTable
 from brake_fenicsx.scene.units import to_si
 
 
-def scene_parts(scene: Scene) -> dict[str, brake_mesh.Builder]:
+def scene_parts(scene: Scene) -> dict[str, Builder]:
     """Builder module and parameters of each part that has a builder."""
     return {
         name: (part.shape, part.parameters)
@@ -45,7 +46,7 @@ def mesh_settings(scene: Scene) -> MeshSettings:
     return MeshSettings(table.cells, table.order, table.growth, table.quality)
 
 
-def scene_mesh(scene: Scene, comm: MPI.Comm) -> brake_mesh.Mesh:
+def scene_mesh(scene: Scene, comm: MPI.Comm) -> Mesh:
     """Mesh of all parts of a scene, whole on every process; collective.
 
     Raises:
@@ -63,11 +64,11 @@ def scene_raw_mesh(scene: Scene) -> RawMesh:
     """
     built = scene_parts(scene)
     if scene.mesh.file is None:
-        return brake_mesh.raw_mesh(built, mesh_settings(scene))
+        return raw_mesh(built, mesh_settings(scene))
     read, _ = file_mesh(scene)
     if not built:
         return read
-    made = brake_mesh.raw_mesh(built, mesh_settings(scene))
+    made = raw_mesh(built, mesh_settings(scene))
     if (made.shape, made.order) != (read.shape, read.order):
         cells = "tetrahedra" if read.shape == "tetrahedron" else "hexahedra"
         raise SceneError(
@@ -93,7 +94,7 @@ def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> list[s
     """
 
     def checked() -> list[str]:
-        layers, known = brake_mesh.known_names(scene_parts(scene), mesh_settings(scene))
+        layers, known = known_names(scene_parts(scene), mesh_settings(scene))
         if scene.mesh.file is not None:
             mesh, _ = file_mesh(scene)
             brake_mesh.check_cells(mesh, mesh_settings(scene))
