@@ -85,26 +85,33 @@ def branches(function):
 @cache
 def handed():
     """Functions that get a sample or its reduced problem: on its way to modes, and in a task."""
-    passed = {reduced_modes.__code__: set(), Study.work.__code__: set()}
-    active, samples = set(), (SampleInput, SampleProblem)
+    task, modes, work = set(), set(), Study.work
+    active, samples = [task], (SampleInput, SampleProblem)
 
     def note(frame, event, _):
         code = frame.f_code
-        if code in passed and event in ("call", "return"):
-            (active.add if event == "call" else active.discard)(code)
-        if event == "call" and active and "brake_fenicsx" in code.co_filename:
-            given = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
-            if any(isinstance(frame.f_locals.get(name), samples) for name in given):
-                for start in active:
-                    passed[start].add(code)
+        if code is reduced_modes.__code__ and event == "return":
+            active.pop()
+        if event != "call" or "brake_fenicsx" not in code.co_filename:
+            return
+        if code is reduced_modes.__code__:
+            active.append(modes)
+        given = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+        if any(isinstance(frame.f_locals.get(name), samples) for name in given):
+            for functions in active:
+                functions.add(code)
 
-    with tempfile.TemporaryDirectory() as folder:
+    def noted(*given):
         sys.setprofile(note)
         try:
-            run(BLOCK, MPI.COMM_SELF, folder, ROUGH)
+            return work(*given)
         finally:
             sys.setprofile(None)
-    return [len(functions) for functions in passed.values()]
+
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Study, "work", noted)
+        run(BLOCK, MPI.COMM_SELF, folder, ROUGH)
+    return len(modes), len(task)
 
 
 MEASURED = {

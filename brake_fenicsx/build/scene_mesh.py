@@ -14,16 +14,8 @@ from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError, located
 from brake_fenicsx.extensions import provided
 from brake_fenicsx.macro.morphing import EVEN
-from brake_fenicsx.meshing.brake_mesh import (
-    Builder,
-    Mesh,
-    check_cells,
-    check_faces,
-    known_names,
-    on_rank_0,
-    raw_mesh,
-    tagged_mesh,
-)
+from brake_fenicsx.meshing import brake_mesh
+from brake_fenicsx.meshing.brake_mesh import Builder, Mesh, known_names, raw_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings, gmsh_session
 from brake_fenicsx.meshing.groups import GroupedFile, mesh_of_file
 from brake_fenicsx.meshing.rawmesh import RawMesh, joined
@@ -61,7 +53,7 @@ def scene_mesh(scene: Scene, comm: MPI.Comm) -> Mesh:
         SceneError: a part or the mesh file is wrong, or the mesh too bad; on all ranks.
     """
     with located(scene.file):
-        return tagged_mesh(lambda: scene_raw_mesh(scene), comm, mesh_settings(scene))
+        return brake_mesh.tagged_mesh(lambda: scene_raw_mesh(scene), comm, mesh_settings(scene))
 
 
 def scene_raw_mesh(scene: Scene) -> RawMesh:
@@ -105,16 +97,16 @@ def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> list[s
         layers, known = known_names(scene_parts(scene), mesh_settings(scene))
         if scene.mesh.file is not None:
             mesh, _ = file_mesh(scene)
-            check_cells(mesh, mesh_settings(scene))
+            brake_mesh.check_cells(mesh, mesh_settings(scene))
             layers, known = [*layers, *mesh.layers], [*known, *mesh.faces]
         if given := [name for name, part in scene.parts.items() if part.matrices]:
             # Sets of nodes of bodies given by matrices, "part.set".
             known += provided("nodes", f"parts.{given[0]}.matrices", "matrices")(scene)
-        check_faces(faces, known)
+        brake_mesh.check_faces(faces, known)
         return layers
 
     with located(scene.file):
-        return on_rank_0(checked, comm)
+        return brake_mesh.on_rank_0(checked, comm)
 
 
 def cut_loads(scene: Scene) -> list[str]:
