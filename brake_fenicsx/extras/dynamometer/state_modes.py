@@ -69,7 +69,9 @@ class StateModes:
                 outcome[i] = str(error)
                 continue
             starts[sign], same = there.g, np.full(len(found), -1)
-            given = modes.right, modes.frequency, found.right, found.frequency, RESEMBLES
+            # Reversed friction transposes the problem of symmetric bodies.
+            shapes = modes.right if sign > 0 else modes.left.conj()
+            given = shapes, modes.frequency, found.right, found.frequency, RESEMBLES
             for own, other, _ in same_families(*given) if reduced else ():
                 same[other] = own
             errors = relative_errors(found.s, found.error)
