@@ -9,7 +9,7 @@ from typing import Any
 from brake_fenicsx.commands import DIRECTORY, argument, command
 from brake_fenicsx.errors import SceneError
 
-LINE = re.compile(r"(^\[stability\][^\[]*?^threshold\s*=\s*)[^\s#]+", re.M)
+LINE = re.compile(r"(^\[stability\].*\n(?:(?!\[).*\n)*?threshold\s*=\s*)[^\s#]+", re.M)
 SAID = "{approach}: {threshold:.4g} (95 %: {threshold_low:.4g} to {threshold_high:.4g})"
 HELP = "put it into this scene, in its line stability.threshold"
 WRITE = argument("--write", metavar="SCENE.toml", complete="file", help=HELP)

@@ -92,7 +92,7 @@ def match(events: Frame, modes: Frame, tolerance: float) -> Frame:
 
 
 def shares(
-    states: Frame, modes: Frame, events: Frame, name: str, ranges: Mapping[Any, tuple[Any, Any]]
+    states: Frame, modes: Frame, events: Frame, name: str, ranges: Mapping[Any, Any]
 ) -> Frame:
     """Samples and stops that squeal in each state.
 
@@ -182,7 +182,7 @@ def compute(run: Any, study: Any) -> dict[str, RowTable]:
     return on_first(lambda: _tables(study.scene, study.store), study.comm)
 
 
-def _tables(scene: Scene, store: Any) -> dict[str, RowTable]:
+def _tables(scene: Any, store: Any) -> dict[str, RowTable]:
     table, states, parts = scene.section("states"), read_matrix(scene), dict[str, list[Frame]]()
     events, bands = read_events(scene, states), [(0.0, scene.stability.band[1])]
     stored = read_run(store.directory, {"in_effect": in_effect(scene)}).stored

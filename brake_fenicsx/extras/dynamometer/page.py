@@ -35,8 +35,8 @@ def blocks(run: RunData) -> list[Block]:
     for table in (_shown(run, "states_occurrence"), _shown(run, "states_scores")):
         for name in [n for n in table if f"{n}_low" in table]:
             ends = table[name], table.pop(f"{name}_low"), table.pop(f"{name}_high")
-            texts = ["{} ({} to {})".format(*map(show, row)) for row in zip(*ends, strict=True)]
-            table[name] = [text.replace("nan (nan to nan)", "") for text in texts]
+            cells = ["{} ({} to {})".format(*map(show, row)) for row in zip(*ends, strict=True)]
+            table[name] = [text.replace("nan (nan to nan)", "") for text in cells]
         heads = [name.replace("_", " ") for name in table]
         found.append(Table.without_empty(heads, cells_of(table)))
     return found

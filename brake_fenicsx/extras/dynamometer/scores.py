@@ -40,7 +40,7 @@ def scores(families: Frame, samples: Any, modes: Frame, limit: float) -> Frame:
         Columns family; events, stops that squealed; hits and misses, of these; false_alarms and
         quiet, of the others; brier, roc_area and threshold, each with its interval; note.
     """
-    rows, (tried, expected) = [], shares_by_threshold(modes, samples[samples > 0])
+    rows, (tried, expected) = list[Any](), shares_by_threshold(modes, samples[samples > 0])
     named = families[(families.samples > 0) & (families.family != "none")]
     for family, own in named.groupby("family", sort=False):
         p, n, m = own[["share", "stops", "measured_stops"]].to_numpy(float).T

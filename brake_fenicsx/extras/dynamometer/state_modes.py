@@ -37,6 +37,7 @@ class StateModes:
     def __init__(self, scene: Scene, models: Models):
         """Read the states."""
         self._scene, self._models, states = scene, models, read_matrix(scene)
+        self._stability: Any = models.stability
         self._values = state_values(scene, states)
         self._signs = np.where(states.direction == "reverse", -1.0, 1.0)
         axes = states[[n for n in AXES if n in states]].to_dict("records")
@@ -69,11 +70,13 @@ class StateModes:
                 outcome[i] = str(error)
                 continue
             starts[sign], same = there.g, np.full(len(found), -1)
-            given = modes.right, modes.frequency, found.right, found.frequency, RESEMBLES
+            # Reversed friction transposes the problem of symmetric bodies.
+            shapes = modes.right if sign > 0 else modes.left.conj()
+            given = shapes, modes.frequency, found.right, found.frequency, RESEMBLES
             for own, other, _ in same_families(*given) if reduced else ():
                 same[other] = own
             errors = relative_errors(found.s, found.error)
-            missed[i] = np.sum(errors > self._models.stability.tolerance)
+            missed[i] = np.sum(errors > self._stability.tolerance)
             grow = np.array(found.verdict, str) == "unstable"
             columns = found.s[grow], found.damping[grow], same[grow]
             rows += [(i + 1, *row) for row in zip(*columns, strict=True)]
@@ -92,14 +95,14 @@ class StateModes:
         Raises:
             BrakeError: there is no equilibrium, or no brake has the numbers of the state.
         """
-        stability, here = self._models.stability, self._in_state(sample, i)
+        here = self._in_state(sample, i)
         friction = here.friction  # in reverse it acts against s, and damps as before
         turned = replace(here, friction=replace(friction, mu=self._signs[i] * friction.mu))
         here, eq = self._equilibria.of(turned, True, start)
         rates = here.brake.rates(friction, eq.p)
         contact = ContactLinearisation.of(eq.k_vibration, here.friction.mu, *rates)
         model = self._models.reduction.of(here.approach)
-        return eq, model.modes(here.brake.point, contact, stability.zeta_max)
+        return eq, model.modes(here.brake.point, contact, self._stability.zeta_max)
 
     def _in_state(self, sample: SampleInput, i: int) -> SampleInput:
         """Inputs of a sample in a state; what is random keeps its ratio to the scene's value."""
@@ -141,7 +144,7 @@ def imposed_gap(scene: Scene, contact: Any, state: Mapping[str, float]) -> np.nd
 
     out, motion = np.zeros(contact.interface.size), scene_motion(scene)
     units = units_of_state(scene, x="m", y="m", gap="m", temperature="delta_degC")
-    registry = pint.get_application_registry()
+    registry: Any = pint.get_application_registry()  # type: ignore[no-untyped-call, unused-ignore]
     known = {name: registry.Quantity(x, units[name]) for name, x in state.items()}
     for name, given in scene.section("states").gap.items():
         own = contact.interface == list(scene.contact).index(name)

@@ -1,5 +1,6 @@
 """Modes of states: those of the scene that has their values, mirrored, stored in a run."""
 
+import re
 import signal
 import subprocess
 import time
@@ -45,7 +46,7 @@ def scene(tmp_path_factory):
     files = {"matrix": MATRIX, "mu": MU, "lining": LINING, "events": EVENTS}
     for name, text in files.items():
         (folder / f"{name}.csv").write_text(text)
-    text = BLOCK.read_text().replace("[stability]", "[stability]\nthreshold = 0")
+    text = re.sub(r"^(band = .*)", r"\1\nthreshold = 0", BLOCK.read_text(), flags=re.M)
     (folder / "block.toml").write_text(text)
     return folder / "block.toml"
 
