@@ -65,9 +65,10 @@ for k in range(3):
     progress.advance()
 """
     said = pty_output([sys.executable, "-c", code])
-    assert re.search(r"samples: 2 of 3, < 1 s to go \|█+ *\|", said)
+    assert re.search(r"samples: 2 of 3, .* to go \|█+ *\|", said)
     lines = [line.rpartition("\r")[2].strip() for line in said.split("\n") if line.strip()]
-    assert lines == ["line 0", "line 1", "line 2", "samples: 3 of 3, in < 1 s"]
+    assert lines[:-1] == ["line 0", "line 1", "line 2"]
+    assert lines[-1].startswith("samples: 3 of 3, in ")
 
 
 def pty_output(words):

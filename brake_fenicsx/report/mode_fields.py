@@ -269,7 +269,8 @@ def _shape_works(
         numbers = mode.family.number, mode.sample, mode.mode, mode.frequency, mode.damping
         return ModeShape.of(name, *numbers, picture, *_nodal_cells(rotors, V, shape))
 
-    works = [partial(spared, f"fields of the modes of {name}", write)]
+    works: list[Callable[[], tuple[ModeShape | None, list[str]]]] = []
+    works.append(partial(spared, f"fields of the modes of {name}", write))
     for mode, shape in zip(chosen, shapes, strict=True):
         what = f"picture of the mode at {mode.frequency:.0f} Hz"
         works.append(partial(spared, what, partial(draw, mode, shape)))

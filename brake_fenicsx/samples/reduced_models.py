@@ -213,7 +213,7 @@ class ReducedModels:
         return substructures.reduce_bodies(
             bodies, brake.w, band, parameters, followed, stability.tolerance,
             self._cutoff(parameters), usual, self._comm,
-            lambda total: Progress("reduced model: factorisations of bodies", total).advance,
+            lambda total: Progress("factorisations for the reduced model", total).advance,
             lambda made: self._kept(file, made),
         )  # fmt: skip
 
