@@ -78,7 +78,7 @@ def studies(path: str | Path) -> list[Callable[..., str]]:
     """What a file asks for: ``correlate`` of its modes, ``respond`` of its responses, or both."""
     file = Path(path)
     kinds = {FUNCTION} if _table(file) else {d["type"] for d in read_sets(file, ())}
-    asked = [respond] if FUNCTION in kinds else []
+    asked: list[Callable[..., str]] = [respond] if FUNCTION in kinds else []
     return [correlate, *asked] if MODES in kinds or not asked else asked
 
 
@@ -243,7 +243,7 @@ def _ends(
 def _alone(r: Response, band: tuple[float, ...], own: Array) -> Response:
     """A response without a test: evenly in the band, and at the frequencies of the modes."""
     inside = own[(own > max(band[0], 1.0)) & (own < band[1])]
-    f = np.union1d(np.linspace(*band, EVENLY + 1)[1:], inside)
+    f = np.union1d(np.linspace(band[0], band[1], EVENLY + 1)[1:], inside)
     return replace(r, frequency=f, value=np.full(f.size, np.nan + 0j))
 
 
@@ -263,7 +263,7 @@ def _damped(scene: Scene, mesh: Mesh, elastic: Elastic, modes: Array, omega: Arr
     stability, n, ratio = scene.stability, elastic.M.shape[0], np.zeros(0)
     contact: Any = None
     if stability is not None and (given := stability.damping) is not None:
-        own = given.modal.get(*scene.parts)
+        own = given.modal.get(next(iter(scene.parts)))
         if own is not None:
             at = ModalRatio(elastic.M, np.array(own.frequency), np.atleast_1d(own.ratio))
             ratio = 2 * omega * at.at(omega / (2 * np.pi))
