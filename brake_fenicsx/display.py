@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,7 +20,7 @@ class Shown:
     """
 
     __slots__ = ()
-    PANELS = 1
+    PANELS: ClassVar[int] = 1
 
     def _columns(self) -> Mapping[str, Any]:
         raise NotImplementedError

@@ -318,7 +318,8 @@ def _zones(this: Run) -> dict[str, Roughness]:
 
     found: dict[str, Roughness] = {}
     for number, (name, own) in enumerate(this.scene.of_own_surface.items()):
-        stats, library = read_surface(own, f"contact.{name}.surface"), None
+        library: LawLibrary | None = None
+        stats = read_surface(own, f"contact.{name}.surface")
         logger.info("contact.%s.surface: S_q %.2f um", name, 1e6 * stats.S_q)
         if own.micro is not None and "micro" in own.stages and own.contact[name].law == "library":
             # As many as this scan resolves, not the other.

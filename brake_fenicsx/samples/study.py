@@ -286,8 +286,8 @@ class Study:
         sample, eq = self.equilibria.of(sample, reduced, start)
         if reduced:
             modes = reduced_modes(models, sample, eq, line)
-            known = {"k_vibration": eq.k_vibration, "p": eq.p}
-            known |= {"s": modes.s, "coordinates": modes.right}
+            contact = {"k_vibration": eq.k_vibration, "p": eq.p}
+            known: dict[str, Any] = {**contact, "s": modes.s, "coordinates": modes.right}
             return eq, replace(modes, on_mesh=partial(self._on_mesh, sample, known))
         modes = full_modes(models, sample, eq)
         known = {"vectors": modes.right, "vector_mode": np.arange(len(modes))}

@@ -16,6 +16,7 @@ from brake_fenicsx.folder.files import digest
 
 from . import LawTable, Samples, Scene
 from .scalars import changes_bodies
+from .surface_section import Surface
 
 # Format of laws and samples on disk: what older programs wrote is not read as current.
 FORMAT = 4
@@ -133,14 +134,9 @@ def file_digests(scene: Scene) -> dict[str, str]:
     Args:
         scene: the scene.
     """
-    surfaces, files = {"surface": scene.surface}, {"mesh.file": scene.mesh.file}
-    surfaces |= {f"contact.{name}.surface": c.surface for name, c in scene.contact.items()}
-    for where, surface in surfaces.items():
-        if surface is not None:
-            files[f"{where}.form"] = surface.form
-            many = len(surface.scans) > 1
-            for k, file in enumerate(surface.scans, 1):
-                files[f"{where}.scan.{k}" if many else f"{where}.scan"] = file
+    files = {"mesh.file": scene.mesh.file, **_surface_files("surface", scene.surface)}
+    for name, contact in scene.contact.items():
+        files |= _surface_files(f"contact.{name}.surface", contact.surface)
     for name, part in scene.parts.items():
         for f in fields(part.matrices) if part.matrices else ():
             if isinstance(value := getattr(part.matrices, f.name), str):
@@ -156,6 +152,15 @@ def file_digests(scene: Scene) -> dict[str, str]:
         for key, path in paths.items()
         if path.is_file()
     }
+
+
+def _surface_files(where: str, surface: Surface | None) -> dict[str, str | None]:
+    """Files of a surface by the key that names each."""
+    if surface is None:
+        return {}
+    numbers = [f".{k}" for k in range(1, len(surface.scans) + 1)] if surface.scans[1:] else [""]
+    scans = {f"{where}.scan{k}": file for k, file in zip(numbers, surface.scans, strict=False)}
+    return {f"{where}.form": surface.form, **scans}
 
 
 def _keys_of_extras(scene: Scene, mark: str) -> Iterator[tuple[str, str, Any]]:

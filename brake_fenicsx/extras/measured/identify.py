@@ -81,7 +81,7 @@ def identify(
     scene_file = None if updated is None else target(parsed, updated)
     body = VariedBody(parsed, part, material, highest, supported)
     if scene_file is not None:  # refused before it takes time
-        with_constants(parsed, material, dict(zip(body.names, np.exp(body.nominal), strict=True)))
+        with_constants(parsed, material, _values(parsed, material, body, body.nominal))
     where = f"{peaks}: part {part!r}"
     if (count := body.count()) > MOST_MODES:
         raise SceneError(
@@ -108,14 +108,20 @@ def identify(
     said = [text_table(PEAKS, rows), "", text_table(CONSTANTS, shown), *_undetermined(shown), ""]
     said += [block, f"wrote {folder / 'random.toml'}"]
     if scene_file is not None:
-        values = dict(zip(body.names, np.exp(theta), strict=True))
-        if parsed.materials[material].loss and np.isfinite(losses).any():
-            values["loss"] = np.nanmean(losses)
-        text = with_constants(parsed, material, values)
-        if write:
-            write_text(scene_file, text)
-        said.append(f"wrote the constants into {scene_file}")
+        text = with_constants(parsed, material, _values(parsed, material, body, theta, losses))
+        said.append(write_text(scene_file, text, write))
     return "\n".join(said)
+
+
+def _values(
+    scene: Scene, material: str, body: VariedBody, theta: Array, losses: Sequence[float] = ()
+) -> dict[str, float]:
+    """Constants by name, and the loss factor where the scene has one and peaks tell it."""
+    values = {name: float(v) for name, v in zip(body.names, np.exp(theta), strict=True)}
+    told = [loss for loss in losses if np.isfinite(loss)]
+    return values | (
+        {"loss": float(np.mean(told))} if told and scene.materials[material].loss else {}
+    )
 
 
 def _material(scene: Scene, part: str, name: str | None) -> str:

@@ -78,7 +78,7 @@ def studies(path: str | Path) -> list[Callable[..., str]]:
     """What a file asks for: ``correlate`` of its modes, ``respond`` of its responses, or both."""
     file = Path(path)
     kinds = {FUNCTION} if _table(file) else {d["type"] for d in read_sets(file, ())}
-    asked = [respond] if FUNCTION in kinds else []
+    asked: list[Callable[..., str]] = [respond] if FUNCTION in kinds else []
     return [correlate, *asked] if MODES in kinds or not asked else asked
 
 
@@ -187,29 +187,15 @@ def respond(
     """
     parsed = read_scene(scene, overrides)
     name, file, asked = part_name(parsed, part), Path(test), read_responses(test)
-    band = parsed.stability.band if parsed.stability else (0.0, np.inf)
-    if not asked[0].frequency.size and not parsed.stability:
-        raise SceneError(
-            f"{parsed.file}: stability.band: is missing; responses without a test are computed in"
-            " the band"
-        )
-    points = np.vstack([r.points for r in asked])
-    mesh, elastic, alone = part_body(parsed, name, points, supported)
-    rows, distance, size = surface_rows(mesh, elastic.free, points)
-    labels = [n for r in asked for n in r.names]
-    check_distance(file, labels, points, name, distance, size)
-    along = sp.block_diag([d[None] for r in asked for d in r.directions]) @ rows
-    (forces, force), (seen, see) = (
-        np.unique(along[end::2].toarray(), axis=0, return_inverse=True) for end in (0, 1)
-    )
+    band = _band(parsed, asked)
+    mesh, elastic, alone = part_body(parsed, name, np.vstack([r.points for r in asked]), supported)
+    (forces, force), (seen, see) = _ends(file, asked, mesh, elastic, name)
     asked = [_inside(file, r, band) for r in asked]
     highest = max((r.frequency[-1] for r in asked if r.frequency.size), default=band[1])
     ends = np.vstack([forces, seen]).T
     modes, omega, static = real_modes(elastic.K, elastic.M, BEYOND * highest, ends)
     if not asked[0].frequency.size:
-        own = omega[(omega > 2 * np.pi * max(band[0], 1.0)) & (omega < 2 * np.pi * band[1])]
-        f = np.union1d(np.linspace(*band, EVENLY + 1)[1:], own / (2 * np.pi))
-        asked = [replace(r, frequency=f, value=np.full(f.size, np.nan + 0j)) for r in asked]
+        asked = [_alone(r, band, omega / (2 * np.pi)) for r in asked]
     f = np.unique(np.concatenate([r.frequency for r in asked]))
     body = _damped(alone, mesh, elastic, modes, omega)
     found = receptances(body, modes, static, forces.T, sp.csr_matrix(seen), f)
@@ -231,6 +217,36 @@ def respond(
     )
 
 
+def _band(scene: Scene, asked: Sequence[Response]) -> tuple[float, ...]:
+    """The band of the scene [Hz], without which measured frequencies are those computed."""
+    if scene.stability is not None:
+        return scene.stability.band
+    if not asked[0].frequency.size:
+        raise SceneError(
+            f"{scene.file}: stability.band: is missing; responses without a test are computed in"
+            " the band"
+        )
+    return 0.0, np.inf
+
+
+def _ends(
+    file: Path, asked: Sequence[Response], mesh: Mesh, elastic: Elastic, part: str
+) -> list[tuple[Array, NDArray[np.intp]]]:
+    """Rows of the forces and of what is seen, each once, shape (rows, dofs); those of responses."""
+    points = np.vstack([r.points for r in asked])
+    rows, distance, size = surface_rows(mesh, elastic.free, points)
+    check_distance(file, [n for r in asked for n in r.names], points, part, distance, size)
+    along = (sp.block_diag([d[None] for r in asked for d in r.directions]) @ rows).toarray()
+    return [np.unique(along[end::2], axis=0, return_inverse=True) for end in (0, 1)]
+
+
+def _alone(r: Response, band: tuple[float, ...], own: Array) -> Response:
+    """A response without a test: evenly in the band, and at the frequencies of the modes."""
+    inside = own[(own > max(band[0], 1.0)) & (own < band[1])]
+    f = np.union1d(np.linspace(band[0], band[1], EVENLY + 1)[1:], inside)
+    return replace(r, frequency=f, value=np.full(f.size, np.nan + 0j))
+
+
 def _inside(file: Path, r: Response, band: tuple[float, ...]) -> Response:
     """A response in the band of the scene."""
     kept = (r.frequency >= band[0]) & (r.frequency <= band[1])
@@ -247,7 +263,7 @@ def _damped(scene: Scene, mesh: Mesh, elastic: Elastic, modes: Array, omega: Arr
     stability, n, ratio = scene.stability, elastic.M.shape[0], np.zeros(0)
     contact: Any = None
     if stability is not None and (given := stability.damping) is not None:
-        own = given.modal.get(*scene.parts)
+        own = given.modal.get(next(iter(scene.parts)))
         if own is not None:
             at = ModalRatio(elastic.M, np.array(own.frequency), np.atleast_1d(own.ratio))
             ratio = 2 * omega * at.at(omega / (2 * np.pi))

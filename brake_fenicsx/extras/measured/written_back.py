@@ -65,10 +65,12 @@ def with_constants(scene: Scene, material: str, values: Mapping[str, float]) -> 
     return begin + text
 
 
-def write_text(file: Path, text: str) -> None:
-    """Write it whole, or not at all; ends of lines as they are."""
-    with whole_file(file) as part:
-        part.write_bytes(text.encode("utf-8"))
+def write_text(file: Path, text: str, write: bool = True) -> str:
+    """Write it whole, or not at all, ends of lines as they are; says so."""
+    if write:
+        with whole_file(file) as part:
+            part.write_bytes(text.encode("utf-8"))
+    return f"wrote the constants into {file}"
 
 
 def _keys(table: MaterialTable, values: Mapping[str, float]) -> dict[str, Any]:

@@ -80,15 +80,14 @@ def _laws(runs: Runs) -> Iterator[list[Value]]:
 
 def _beside(x: float | None, ex: float | None, y: float | None, ey: float | None) -> list[Value]:
     """Both values with their errors, their ratio with its error, and how far they lie apart."""
-    known = x is not None and y is not None
-    ratio = y / x if known and x else None
-    error = relative = None
-    if known and ex is not None and ey is not None:
-        error = float(np.hypot(ex, ey))
-        relative = float(np.hypot(ex / x, ey / y)) if x and y else None
-    far = (y - x) / error if known and error else None
-    spread = None if ratio is None or relative is None else abs(ratio) * relative
-    return [x, ex, y, ey, ratio, spread, far]
+    if x is None or y is None:
+        return [x, ex, y, ey, None, None, None]
+    ratio = y / x if x else None
+    if ex is None or ey is None:
+        return [x, ex, y, ey, ratio, None, None]
+    error = float(np.hypot(ex, ey))
+    spread = float(np.hypot(ex * y / x, ey) / abs(x)) if x else None
+    return [x, ex, y, ey, ratio, spread, (y - x) / error if error else None]
 
 
 def differing(rows: Sequence[Sequence[Value]]) -> str:

@@ -136,12 +136,13 @@ def _grid(
     name = f"{first.key} x {second.key}, {points}"
     known: list[list[int]] = search.found.get(name, {}).get("hits", [])
     x, y = (np.linspace(c.start, c.stop, points) for c in (first, second))
-    trial = search.trial(worst, first, second) if len(known) < points else None
-    for value in y[len(known) :] if trial else ():
-        logger.info("%s = %s: samples ...", second.key, quantity_text(value, second.unit))
-        fixed = {second.key: float(value)}
-        known = [*known, [sum(trial.outcomes(float(v), fixed)) for v in x]]
-        search.keep(name, {"hits": known})
+    if len(known) < points:
+        trial = search.trial(worst, first, second)
+        for value in map(float, y[len(known) :]):
+            logger.info("%s = %s: samples ...", second.key, quantity_text(value, second.unit))
+            fixed = {second.key: value}
+            known = [*known, [sum(trial.outcomes(float(v), fixed)) for v in x]]
+            search.keep(name, {"hits": known})
     return Grid((first, second), (x, y), np.array(known).T, len(worst.samples))
 
 
