@@ -5,6 +5,7 @@ The scenes import DOLFINx only when a test asks for them.
 
 import gc
 import logging
+from copy import deepcopy
 from functools import cache
 from importlib import import_module
 
@@ -82,6 +83,32 @@ def _log_of_its_own():
     log.propagate, log.handlers[:] = True, []
     log.setLevel(logging.NOTSET)
     yield
+
+
+def _once(make):
+    """A function of parts and mesh settings that is called once for equal ones."""
+    made = {}
+
+    def kept(*given):
+        key = repr(given)
+        if key not in made:
+            made[key] = make(*given)
+        return deepcopy(made[key])
+
+    return kept
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _scenes_are_meshed_once():
+    """Equal parts of scenes are built and meshed once for all tests of a process.
+
+    Tests of builders and meshes call the functions of ``brake_fenicsx.meshing`` themselves.
+    """
+    scene_mesh = import_module("brake_fenicsx.build.scene_mesh")
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        for name in ("raw_mesh", "known_names"):
+            monkeypatch.setattr(scene_mesh, name, _once(getattr(scene_mesh, name)))
+        yield
 
 
 @pytest.fixture

@@ -165,7 +165,7 @@ def test_a_law_of_a_random_input_of_ones_own():
     changes = ["countermeasures=[]", given, "samples.joint.n=40", "samples.approaches=['joint']"]
     model = prepare(BLOCK, changes, extensions=own)
     nominal = read_scene(BLOCK).contact["block_plate"].friction
-    drawn = np.array([model.study.work((ROUGH, k))["random"][0] for k in range(40)])
+    drawn = np.array([model.study.sample((ROUGH, k)).values[FRICTION] for k in range(40)])
     assert np.all(abs(drawn / nominal - 1) <= 0.2) and np.ptp(drawn) > 0.1 * nominal
     np.testing.assert_allclose(
         model.modes(approach=ROUGH, sample=3).s,

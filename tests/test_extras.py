@@ -13,7 +13,8 @@ from coarse_block import BLOCK, ROUGH
 from run_tables import read_columns
 
 PAGE = "stages=['surface','equilibrium','stability','uncertainty','report']"
-WHOLE = [*ROUGH[1:], PAGE, "stability.drivers=true", "limit_cycle={}", "stability.verify=1"]
+CYCLE = "limit_cycle={ harmonics = 1, points = 8 }"
+WHOLE = [*ROUGH[1:], "samples.n=2", PAGE, "stability.drivers=true", CYCLE, "stability.verify=1"]
 
 
 def fails(*_, **__):
@@ -40,7 +41,7 @@ BROKEN = (
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
+def whole(tmp_path_factory, all_without_pixels):
     """Tables of the run in which nothing fails."""
     out = tmp_path_factory.mktemp("whole") / "out"
     run(BLOCK, MPI.COMM_SELF, out, WHOLE)

@@ -27,7 +27,7 @@ from processes import command
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"
 COARSE = [
-    "parts.disc.size=30 mm",
+    "parts.disc.size=40 mm",
     "parts.pad.size=16 mm",
     "parts.pad.plate_size=20 mm",
     "micro.pixels=64",

@@ -120,12 +120,12 @@ def damaged(table, rng):
     return table
 
 
-def test_a_thousand_damaged_scenes_are_read_or_refused(tmp_path):
+def test_damaged_scenes_are_read_or_refused(tmp_path):
     dump(RICH, path := tmp_path / "scene.toml")
     assert read_scene(path).stages
     schema = jsonschema.Draft202012Validator(json_schema(scene_type()))
     refused = 0
-    for seed in range(1000):
+    for seed in range(500):
         dump(damaged(RICH, random.Random(seed)), path)
         try:
             scene = read_scene(path)
@@ -137,7 +137,7 @@ def test_a_thousand_damaged_scenes_are_read_or_refused(tmp_path):
             assert all("\n" not in line for line in unusual(scene))
             json.dumps(in_effect(scene), allow_nan=False)
             assert list(schema.iter_errors(scene.table)) == [], seed
-    assert 700 < refused < 990
+    assert 350 < refused < 495
 
 
 def test_long_values_are_shown_short(tmp_path):
@@ -179,7 +179,7 @@ def test_check_of_damaged_scenes_is_0_or_2(tmp_path, capsys):
     for name, part in COARSE["parts"].items():
         whole["parts"][name] |= part
     path, states = tmp_path / "scene.toml", []
-    for seed in range(10_000, 10_400):
+    for seed in range(10_000, 10_300):
         if not readable(damaged(whole, random.Random(seed)), path):
             continue
         states.append(main(["check", str(path)]))

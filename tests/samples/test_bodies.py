@@ -228,11 +228,17 @@ def test_tolerance_of_the_scene_decides_how_accurate_the_model_is(tmp_path):
     assert worst[1] < 0.05 * worst[0]
 
 
+@pytest.fixture(scope="module")
+def models(tmp_path_factory):
+    """A folder of reduced models that runs share."""
+    return tmp_path_factory.mktemp("models")
+
+
 @pytest.mark.parametrize("choice", ["warn", "full order"])
-def test_what_becomes_of_a_sample_beyond_the_tolerance(tmp_path, choice):
+def test_what_becomes_of_a_sample_beyond_the_tolerance(tmp_path, choice, models):
     """Counted and said, or solved at full order: the scene's choice."""
     given = [*COARSE, C44, "samples.n=2", "stability.tolerance=1e-8", "stability.verify=0"]
-    run(BLOCK, COMM, tmp_path, [*given, f"stability.on_tolerance={choice}"])
+    run(BLOCK, COMM, tmp_path, [*given, f"stability.on_tolerance={choice}"], cache=models)
     log = (tmp_path / "log.txt").read_text()
     for k in range(2):
         one = np.load(tmp_path / "samples" / f"multi-scale-{k:05d}.npz")

@@ -19,7 +19,7 @@ SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"
 # As many cells over the height whatever it is, so that meshes of two heights have the same cells.
 COARSE = [
-    "stages=['equilibrium','stability']", "parts.block.size='12 mm'", "parts.plate.size='15 mm'",
+    "stages=['equilibrium','stability']", "parts.block.size='18 mm'", "parts.plate.size='20 mm'",
     "mesh.cells='hexahedra'", "stability.band=['0 Hz','20 kHz']", "stability.method=reduced",
 ]  # fmt: skip
 HEIGHT, PLATE, C44 = "parts.block.height", "parts.plate.height", "materials.lining.C44"
@@ -49,7 +49,6 @@ def test_matrices_of_a_thickness_are_those_of_the_scene_written_with_it(lumped):
     brake = assemble_brake(scene, MPI.COMM_SELF)
     changes = assemble_changes(scene, brake)
     values = {HEIGHT: 23e-3, C44: 1.3e9}
-    # The mesh has two cells over 20 mm and over 23 mm.
     scene = read_scene(BLOCK, written(23e-3, 10e-3, "materials.lining.C44='1.3 GPa'", *sweep[1:]))
     expected = assemble_brake(scene, MPI.COMM_SELF)
     for found, exact in (
@@ -110,9 +109,7 @@ def test_modes_are_those_of_a_mesh_of_that_thickness():
         scene = written(height, plate, "stability.method=full")
         exact = model.prepare(BLOCK, scene).modes()
         found = prepared.modes({HEIGHT: height, PLATE: plate})
-        # 16 mm are meshed with one cell over the height where 20 mm have two.
-        cells = 1e-4 if height > 18e-3 else 2e-2
-        np.testing.assert_allclose(found.frequency, exact.frequency, rtol=cells)
+        np.testing.assert_allclose(found.frequency, exact.frequency, rtol=1e-4)
 
 
 @pytest.mark.slow

@@ -66,7 +66,8 @@ def laws(surfaces):
 def test_anisotropy_is_that_of_the_variance(ratio):
     """(r - 1) / (r + 1) of a spectrum stretched by r; wave vectors lie across the grooves."""
     turn = 0.7
-    found = [anisotropy(levelled(t), (5e3, 2e5)) for t in cuts(0, ratio, turn)]
+    surfaces = cuts(0, ratio, turn)
+    found = [anisotropy(levelled(t), (5e3, 2e5)) for t in surfaces]
     strength, direction = np.transpose(found)
     assert strength.mean() == pytest.approx(
         (ratio - 1) / (ratio + 1), abs=0.2 if ratio == 1 else 0.12
@@ -75,7 +76,7 @@ def test_anisotropy_is_that_of_the_variance(ratio):
         assert np.all(np.abs(np.sin(direction - turn)) < 0.2)
     warned = [
         any("has a direction: grooves at" in text for text in characterise(t).warnings)
-        for t in cuts(0, ratio, turn)
+        for t in surfaces[::3]
     ]
     assert all(warned) if ratio > 1 else not any(warned)
 

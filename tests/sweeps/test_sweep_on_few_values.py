@@ -68,7 +68,7 @@ def test_events_are_those_of_161_values_in_full(model, approach):
 def test_samples_miss_no_onset_but_of_windows_within_a_step(model):
     """Eleven values of each sample, and those between where modes meet, against 41 in full."""
     step = LAST / 10
-    for k in range(4):
+    for k in range(2):
         every, _ = events(model, ("multi-scale", k), 41, full=True, tolerance=1e-6)
         found, _ = events(model, ("multi-scale", k), 11, onsets=True)
         onsets, ends, found = (

@@ -26,7 +26,7 @@ ROUGH = [
     "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '0.05 um' }", "contact.block_plate.gap=hdf",
     "contact.block_plate.law={ p0 = '10 MPa', u0 = '0.05 um' }",
-    "stability.band=['0 Hz','30 kHz']", "stability.method=reduced", "samples.n=4",
+    "stability.band=['0 Hz','30 kHz']", "stability.method=reduced", "samples.n=2",
     "parts.plate.size='20 mm'", "parts.block.size='14 mm'",
 ]  # fmt: skip
 
