@@ -472,12 +472,13 @@ def test_layers_of_a_composite_in_two_instances(tmp_path):
     part = part.replace("*HEADING\n", "").replace(STEEL, "")
     text = (
         "*HEADING\n*PART, NAME=P\n" + part + "*SHELL SECTION, ELSET=SHIM, COMPOSITE, OFFSET=SPOS\n"
-        "0.5, 3, STEEL\n0.1, 3, IRON\n0.4, 3, STEEL\n*END PART\n*ASSEMBLY, NAME=A\n"
+        "0.5, 3, STEEL\n0.1, 3, IRON, 0.\n0.4, 3, STEEL, -45.\n*END PART\n*ASSEMBLY, NAME=A\n"
         "*INSTANCE, NAME=P-1, PART=P\n*END INSTANCE\n*INSTANCE, NAME=P-2, PART=P\n0., 0., 50.\n"
         "*END INSTANCE\n*END ASSEMBLY\n" + STEEL + IRON
     )
     scene, path, lines = made(tmp_path, text)
     assert '"P-1.SHIM.1" = ' in lines and len(scene.parts) == 2
+    assert "layers turned by -45.: make each a part" in lines
     mesh = raw(scene, path)
     assert mesh.shape == "tetrahedron"
     for name, part in scene.parts.items():

@@ -88,9 +88,11 @@ def _shells(deck: Deck, block: DeckKeyword) -> str | None:
     if of_solids(deck.mesh, block):
         return _section(deck, block)
     options, said = block.options, f"{block.at}: {block.said}"
-    rows = [] if "NODALTHICKNESS" in options else block.rows
+    rows, turned = [] if "NODALTHICKNESS" in options else block.rows, list[str]()
     if "COMPOSITE" in options:
         layers = [(float(t), material) for t, _, material, *_ in rows]
+        # An angle in Abaqus, a name of axes there and in CalculiX.
+        turned = [word for row in rows for word in row[3:4] if word.strip("0.+-Ee")]
     else:
         layers = [(float(row[0] or 0), options["MATERIAL"]) for row in rows[:1]]
     words = {"SPOS": 0.5, "SNEG": -0.5}
@@ -98,7 +100,7 @@ def _shells(deck: Deck, block: DeckKeyword) -> str | None:
     offset = (words[share] if share in words else float(share)) * sum(t for t, _ in layers)
     for group in deck.mesh.owned(options["ELSET"], block.scope):
         deck.add_shells(ShellSection(group, layers, offset, said))
-    return None
+    return f"layers turned by {', '.join(turned)}: make each a part" if turned else None
 
 
 def _constants(deck: Deck, block: DeckKeyword) -> str | None:
