@@ -101,7 +101,7 @@ def narrowed(points, pad):
     return points + bottom[:, None] * move
 
 
-COARSE, FINE = ("hexahedra", 2, 11e-3), ("hexahedra", 2)
+COARSE, FINE, TETRAHEDRA = ("hexahedra", 2, 11e-3), ("hexahedra", 2), ("tetrahedra", 1, 11e-3)
 
 
 def nodes_of_pad(mesh):
@@ -175,7 +175,7 @@ def swept(low, high):
     [
         (COARSE, "msh", {}),
         (("tetrahedra", 2, 14e-3), "inp", {}),
-        (("tetrahedra", 1), "msh", {"degree": 1, "mass": "lumped"}),
+        (TETRAHEDRA, "msh", {"degree": 1, "mass": "lumped"}),
         (COARSE, "inp", {}),
     ],
 )
@@ -212,20 +212,20 @@ def test_a_scene_with_another_value_is_the_file_of_that_length(written):
 
 
 @pytest.mark.parametrize(
-    ("kind", "box"),
+    "box",
     [
-        pytest.param(FINE, {KEY: (8e-3, 12e-3)}, id="wear"),
-        pytest.param(COARSE, {KEY: (10.5e-3, 12e-3), E: (3.8e9, 4.2e9)}, id="wear and modulus"),
+        pytest.param({KEY: (8e-3, 12e-3)}, id="wear"),
+        pytest.param({KEY: (10.5e-3, 12e-3), E: (3.8e9, 4.2e9)}, id="wear and modulus"),
     ],
 )
-def test_modes_are_those_of_the_file_with_moved_nodes(kind, box, written):
+def test_modes_are_those_of_the_file_with_moved_nodes(box, written):
     """Full order of the file with this length; at the ends as good as inside."""
-    prepared = model.prepare(written(kind=kind), parameters=box)
-    for share in (0.0, 0.3, 0.63, 1.0):
+    prepared = model.prepare(written(), parameters=box)
+    for share in (0.0, 0.63, 1.0):
         values = {key: low + share * (high - low) for key, (low, high) in box.items()}
         sets = ["stability.method=full", f"{E}='{values.get(E, 4e9)} Pa'"]
         found = prepared.modes(values)
-        exact = model.prepare(written(1e3 * values[KEY], kind=kind), sets).modes()
+        exact = model.prepare(written(1e3 * values[KEY]), sets).modes()
         assert_same(found, exact, 8)
 
 
@@ -245,8 +245,8 @@ def test_frequencies_of_a_bar_follow_its_length(written):
     ]
     morph = 'morph.wear = { displaced = "worn.msh", ends = ["100 mm", "60 mm"] }'
     scene = written(move=worn, morph=morph, mesh=raw_mesh(BAR, MeshSettings(cells="hexahedra")))
-    prepared = model.prepare(scene, bar, parameters={KEY: (60e-3, 100e-3)})
-    for height in (60e-3, 73e-3, 91e-3, 100e-3):
+    prepared = model.prepare(scene, bar, parameters={KEY: (80e-3, 100e-3)})
+    for height in (80e-3, 91e-3, 100e-3):
         f = prepared.modes({KEY: height}).frequency
         assert f[f > 1e3][0] == pytest.approx(5000 / (2 * height), rel=1e-4)
 
@@ -287,16 +287,16 @@ def test_frequencies_of_a_plate_follow_its_thickness(written):
     ]  # fmt: skip
     morph = 'morph.wear = { displaced = "worn.msh", ends = ["10 mm", "6 mm"] }'
     prepared = model.prepare(
-        written(move=thinned, morph=morph, mesh=mesh), sets, parameters={KEY: (7e-3, 10e-3)}
+        written(move=thinned, morph=morph, mesh=mesh), sets, parameters={KEY: (8e-3, 10e-3)}
     )
-    for height in (7e-3, 7.9e-3, 10e-3):
+    for height in (8e-3, 8.7e-3, 10e-3):
         f = prepared.modes({KEY: height}).frequency
         # The contact is a foundation of this stiffness.
         bare = np.sqrt(f[f > 200][0] ** 2 - 5e5 / (7200 * height) / (2 * np.pi) ** 2)
         assert bare == pytest.approx(lamb(height, 80e-3), rel=1e-4)
 
 
-@pytest.mark.parametrize("move", [worn, narrowed])
+@pytest.mark.parametrize("move", [pytest.param(worn, marks=pytest.mark.slow), narrowed])
 def test_derivative_to_a_length_is_that_of_files_beside_it(move, written):
     """Central differences at full order, on the contact of the sample as it stands."""
     sets = [
@@ -327,8 +327,8 @@ def test_derivative_to_a_length_is_that_of_files_beside_it(move, written):
     ("kind", "sets"),
     [
         (COARSE, []),
-        (("tetrahedra", 1), [TURNING, "contact.pad_plate.discretisation='quadrature'"]),
-        (("tetrahedra", 1), ["stability.damping={ sliding=true }"]),
+        (TETRAHEDRA, [TURNING, "contact.pad_plate.discretisation='quadrature'"]),
+        (TETRAHEDRA, ["stability.damping={ sliding=true }"]),
     ],
 )
 def test_a_face_in_contact_may_slide_over_the_other(kind, sets, written):
@@ -339,7 +339,7 @@ def test_a_face_in_contact_may_slide_over_the_other(kind, sets, written):
     )
     study = prepared.study
     whole = study.brake.w.sum()
-    for length in (10, 10.7, 11.6, 12):
+    for length in (10, 11.3):
         values, share = {KEY: length * 1e-3}, (12 - length) / 4
         other = model.prepare(
             written(length, kind=kind, move=narrowed, degree=degree),
@@ -414,7 +414,8 @@ def test_refused_names(key, text, written):
 
 
 def test_values_beyond_what_was_prepared_are_refused(written):
-    prepared = model.prepare(written(), parameters={KEY: (9e-3, 11e-3)})
+    scene = written(kind=TETRAHEDRA, degree=1)
+    prepared = model.prepare(scene, parameters={KEY: (9e-3, 11e-3)})
     with pytest.raises(
         SceneError, match=r"value = 0.008 m: lies beyond .* 0.00887\d* to 0.0121\d* m"
     ):
@@ -446,39 +447,32 @@ def twisted(points, pad):
 SWELL = KEY.replace("wear", "swell")
 
 
-def swelling(written, meshes, kind, **more):
+def swelling(written, meshes, **more):
     """A mesh, the swollen one, nodes of the pad, and a scene of both lengths."""
-    mesh = meshes.boxes(*kind)
+    mesh = meshes.boxes("tetrahedra", 1, 14e-3)
     pad = nodes_of_pad(mesh)
     morph = WEAR + '\nmorph.swell = { displaced = "swollen.msh", ends = ["1 mm", "2 mm"] }'
-    scene = written(mesh=mesh, morph=morph, **more)
+    scene = written(mesh=mesh, morph=morph, degree=1, **more)
     swollen = replace(mesh, points=twisted(mesh.points, pad))
     meshes.write_gmsh(swollen, scene.parent / "swollen.msh")
     return mesh, swollen, pad, scene
 
 
-@pytest.mark.parametrize(
-    ("kind", "more"),
-    [
-        pytest.param(COARSE, {}, marks=pytest.mark.slow),
-        (("tetrahedra", 1, 14e-3), {"degree": 1, "mass": "lumped"}),
-    ],
-)
-def test_two_lengths_and_a_modulus_of_one_part(kind, more, written, meshes):
+def test_two_lengths_and_a_modulus_of_one_part(written, meshes):
     """Matrices of the file whose nodes both have moved; at corners of the ranges and inside."""
-    mesh, swollen, pad, scene = swelling(written, meshes, kind, **more)
-    ranges = {KEY: (8e-3, 12e-3), SWELL: (1e-3, 1.5e-3), E: (3e9, 5e9)}
+    mesh, swollen, pad, scene = swelling(written, meshes, mass="lumped")
+    ranges = {KEY: (10e-3, 12e-3), SWELL: (1e-3, 1.25e-3), E: (3e9, 5e9)}
     sets = [*randomly(ranges), TURNING]
     scene = read_scene(scene, sets)
     brake = assemble_brake(scene, MPI.COMM_SELF)
     changes = assemble_changes(scene, brake)
     bulk = damping_terms(scene, brake).bulk
-    for length, size in ((8, 1.5), (12, 1.5), (9.3, 1.2)):
+    for length, size in ((10, 1.25), (10.7, 1.1)):
         step = (12 - length) / 4 * (worn(mesh.points, pad) - mesh.points)
         both = replace(
             mesh, points=mesh.points + step + (size - 1) * (swollen.points - mesh.points)
         )
-        alone = written(12, mesh=both, **more)
+        alone = written(12, mesh=both, degree=1, mass="lumped")
         exact_scene = read_scene(alone, [TURNING, f"{E}='3.5 GPa'"])
         exact = assemble_brake(exact_scene, MPI.COMM_SELF)
         values = {KEY: length * 1e-3, SWELL: size * 1e-3, E: 3.5e9}
@@ -493,7 +487,7 @@ def test_two_lengths_and_a_modulus_of_one_part(kind, more, written, meshes):
 @pytest.mark.slow
 def test_modes_of_two_lengths_and_a_modulus(written, meshes):
     """Full order of the same sample, at corners of the box and inside."""
-    *_, scene = swelling(written, meshes, ("tetrahedra", 1, 14e-3), degree=1)
+    *_, scene = swelling(written, meshes)
     box = {KEY: (10.5e-3, 12e-3), SWELL: (1e-3, 1.5e-3), E: (3.8e9, 4.2e9)}
     prepared = model.prepare(scene, parameters=box)
     study = prepared.study
@@ -511,7 +505,7 @@ def layered(written, meshes):
     """``layered(thickness, stated)``: a scene whose file has a pad of that thickness [mm]."""
 
     def write(thickness, stated):
-        mesh = meshes.boxes("hexahedra", 2)
+        mesh = meshes.boxes(*COARSE)
         mesh.points[mesh.points[:, 2] > 0, 2] *= thickness / 12
         return written(mesh=mesh, morph=f'layers = {{ lining = "{stated} mm" }}')
 
@@ -601,7 +595,7 @@ def test_cells_that_fold_between_two_good_meshes(written):
 def test_a_length_over_a_factor_of_three(written):
     """Close to where cells fold: modes within their stated errors, no wrong verdict."""
     prepared = model.prepare(written(), parameters={KEY: (4e-3, 12e-3)})
-    for length in (4, 5, 7.5, 12):
+    for length in (4, 5, 12):
         exact = model.prepare(written(length), ["stability.method=full"]).modes()
         found = prepared.modes({KEY: length * 1e-3})
         assert_same(found, exact, 1, np.inf)
