@@ -36,7 +36,7 @@ CASES = {
     ],
     "random": [*MANY, "samples.random.\"materials.lining.C33\"={ law='uniform', spread=0.1 }"],
     "damped": [
-        *MANY, "samples.random.\"parts.block.height\"={ law='uniform', spread=0.05 }",
+        *MANY, "samples.random.\"parts.block.height\"={ law='uniform', spread=0.01 }",
         "stability.damping={ loss=true, omega_ref='15 kHz', rayleigh=['90 1/s','2 ns'],"
         " sliding=true }",
         "materials.lining.loss=0.004", "motion.speed='40 m/s'",
