@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, get_args
+import difflib
+import inspect
+from collections.abc import Callable, Iterable
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +14,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError, SurfaceError
 
 Array = NDArray[np.float64]
+P, R = ParamSpec("P"), TypeVar("R")
 
 REAL = int, float, np.integer, np.floating
 LIMIT = 1e100  # numbers beyond overflow in products of two or three
@@ -97,3 +102,29 @@ def real(name: str, values: Any) -> Array:
         raise SurfaceError(f"{name}: values of type {given.dtype}; give real numbers")
     numbers = given.astype(float)
     return np.where(mask | ~np.isfinite(numbers), np.nan, numbers)
+
+
+def likely(word: Any, words: Iterable[Any], alike: float = 0.6) -> str:
+    """The name that was meant, as the end of a message; empty where none is so much alike."""
+    near = difflib.get_close_matches(str(word), list(map(str, words)), 1, alike)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def with_its_arguments(function: Callable[P, R]) -> Callable[P, R]:
+    """A function of the Python interface that refuses other arguments than its own in one line."""
+    signature = inspect.signature(function)
+    names = [name for name in signature.parameters if name != "self"]
+
+    @wraps(function)
+    def checked(*args: P.args, **keys: P.kwargs) -> R:
+        try:
+            signature.bind(*args, **keys)
+        except TypeError as error:
+            wrong = next((key for key in keys if key not in names), "")
+            hint = likely(wrong, names) if wrong else ""
+            raise SceneError(
+                f"{function.__name__}: {error}{hint}; its arguments are {', '.join(names)}"
+            ) from None
+        return function(*args, **keys)
+
+    return checked

@@ -30,7 +30,10 @@ from brake_fenicsx.scene.scalars import changes_bodies
 # between its anchors where it is checked.
 DEGREE, CHECKED = 4, 2
 # What else is made where a stage is named.
-MADE_BY = {"equilibrium": ("brake", "offline", "samples", "sweep", "results")}
+MADE_BY = {
+    "equilibrium": ("brake", "offline", "samples", "sweep", "results"),
+    "report": ("pictures", "report"),
+}
 # CPU seconds that ``work_of_a_second`` took where the runs of docs/benchmarks.md were measured.
 REFERENCE = 0.8
 BASE, PICTURES = 0.25, 0.3  # [GB]: the libraries, and VTK with Matplotlib
@@ -65,13 +68,20 @@ def count_solves(scene: Scene, samples: Mapping[str, int]) -> dict[str, int]:
         return {}
     reduced = [name for name in samples if name in reduced_approaches(scene, samples)]
     changing = {n for n in reduced if changing_scalars(scene) and scene.samples.takes_random(n)}
-    verified = [min(scene.stability.verify, samples[name]) for name in reduced[:1]]
     at_full = [number for name, number in samples.items() if name not in reduced]
     return {
         "reduced": sum(samples[name] for name in reduced if name not in changing),
         "reduced with bodies of their own": sum(samples[name] for name in changing),
-        "at full order": sum(at_full + verified),
+        "at full order": sum(at_full) + verified(scene, samples),
     }
+
+
+def verified(scene: Scene, samples: Mapping[str, int]) -> int:
+    """How many samples are solved at full order beside the reduced model."""
+    if scene.stability is None:
+        return 0
+    reduced = [name for name in samples if name in reduced_approaches(scene, samples)]
+    return sum(min(scene.stability.verify, samples[name]) for name in reduced[:1])
 
 
 def changing_scalars(scene: Scene) -> list[str]:
@@ -132,12 +142,15 @@ def calibrated_seconds(
         laws = each * (micro.laws + micro.scans)
     by_reduction = solves.get("reduced", 0) + solves.get("reduced with bodies of their own", 0)
     points = anchors(len(changing_scalars(scene))) if by_reduction else 1
-    solving = (0.05 + 0.14 * m**2) * by_reduction + 20 * n**1.5 * solves.get("at full order", 0)
+    beside, full = verified(scene, samples), 20 * n**1.5
+    sample = 0.1 + 0.14 * m**2
+    solving = sample * by_reduction
+    solving += full * (solves.get("at full order", beside) - beside)
     seconds = {
         "surface": 0.2, "micro": laws, "brake": 1.1 * n,
         "offline": (11 if by_reduction else 1) * n**1.6 * points**0.5,
-        "samples": solving or (0.05 + 0.14 * m**2) * sum(samples.values()),
-        "results": 2 + 10 * n, "report": 14.0,
+        "samples": solving or sample * sum(samples.values()),
+        "results": 1 + n, "pictures": 16 + 10 * n + full * beside, "report": 2.0,
     }  # fmt: skip
     kept = {name for stage in scene.stages for name in MADE_BY.get(stage, (stage,))}
     return {name: work / REFERENCE * s for name, s in seconds.items() if s and name in kept}

@@ -1,12 +1,54 @@
-"""Tables of objects in notebooks."""
+"""Tables, modes and branches in Python: data frames, figures, tables of notebooks."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST = 30  # rows that are shown
+
+
+class Shown:
+    """What has columns, and may be drawn: the habits of pandas and Matplotlib for all of them.
+
+    A class of it has ``_columns()``, arrays by name, and ``_draw(*axes)`` for its ``PANELS``, one
+    above the other.
+    """
+
+    __slots__ = ()
+    PANELS = 1
+
+    def _columns(self) -> Mapping[str, Any]:
+        raise NotImplementedError
+
+    def _draw(self, *axes: Any) -> None:
+        raise NotImplementedError
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The table as a data frame, its columns named as in the files of a run."""
+        import pandas as pd
+
+        return pd.DataFrame(dict(self._columns()))
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw it.
+
+        Args:
+            ax: axes of Matplotlib, an array of them where it has several panels; made if not given.
+
+        Returns:
+            These axes.
+        """
+        if ax is None:
+            import matplotlib.pyplot as plt
+
+            _, ax = plt.subplots(self.PANELS, 1, sharex=True, constrained_layout=True)
+        self._draw(*(ax if self.PANELS > 1 else [ax]))
+        return ax
 
 
 def html_table(title: str, heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
@@ -26,3 +68,23 @@ def html_table(title: str, heads: Sequence[str], rows: Sequence[Sequence[Any]]) 
     more = f"<p>and {left} more</p>" if left > 0 else ""
     body = "".join(line(row, "td") for row in rows[:MOST])
     return f"<p>{escape(title)}</p><table>{line(heads, 'th')}{body}</table>{more}"
+
+
+def mesh_grid(V: Any, u: Any) -> Any:
+    """A complex field on the mesh as a grid of pyvista, with the point data "re" and "im".
+
+    Args:
+        V: vector function space of Lagrange elements.
+        u: all its dofs, shape (dofs,); scaled so that the largest displacement is 1.
+    """
+    import numpy as np
+    import pyvista
+
+    from brake_fenicsx.compat import vtk_cells
+
+    cells, types, points = vtk_cells(V)
+    grid = pyvista.UnstructuredGrid({int(types[0]): cells}, points)
+    vectors = np.reshape(u, (-1, 3))
+    vectors = vectors / max(float(np.linalg.norm(vectors, axis=1).max(initial=0.0)), 1e-300)
+    grid["re"], grid["im"] = np.real(vectors), np.imag(vectors)
+    return grid

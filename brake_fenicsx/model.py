@@ -15,7 +15,7 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from brake_fenicsx.arguments import listed, of_kind, positive, quantity
+from brake_fenicsx.arguments import likely, listed, of_kind, positive, quantity, with_its_arguments
 from brake_fenicsx.checks import check
 from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SceneError
@@ -30,7 +30,7 @@ from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.keys import KeyMistake
 from brake_fenicsx.scene.read import from_text, scene_text, toml_text, with_objects
 from brake_fenicsx.scene.samples_section import Range, Sweep, unit_of
-from brake_fenicsx.scene.scalars import check_scalar, si_unit
+from brake_fenicsx.scene.scalars import check_scalar, meant, si_unit
 from brake_fenicsx.stages import Run
 from brake_fenicsx.sweeps.followed import Branches
 
@@ -83,6 +83,7 @@ class Model:
             rows.append(["threshold", stability.threshold])
         return html_table(repr(self), ("", ""), rows)
 
+    @with_its_arguments
     def modes(
         self,
         values: Mapping[str, float | str] | None = None,
@@ -103,6 +104,7 @@ class Model:
         """
         return self.equilibrium_and_modes(values, approach, sample)[1]
 
+    @with_its_arguments
     def equilibrium_and_modes(
         self,
         values: Mapping[str, float | str] | None = None,
@@ -129,6 +131,7 @@ class Model:
         """
         return self.study.work_beside(what, self._task(approach, sample), self._si(values))
 
+    @with_its_arguments
     def samples(
         self,
         n: int | None = None,
@@ -174,6 +177,7 @@ class Model:
             raise SceneError("executor: extensions are objects of this process alone; leave it out")
         return samples_elsewhere(self, tasks, self.source, executor, chunksize)
 
+    @with_its_arguments
     def sweep(
         self,
         key: str,
@@ -231,10 +235,12 @@ class Model:
             raise SceneError(
                 f"{self.scene.file}: sample {sample} of {chosen!r}: approaches are"
                 f" {', '.join(named)}, and it has {count} samples"
+                f"{'' if count else likely(chosen, named)}"
             )
         return chosen, sample
 
 
+@with_its_arguments
 def prepare(
     scene: str | Path | Mapping[str, Any],
     overrides: Sequence[str] = (),
@@ -256,8 +262,8 @@ def prepare(
             enter the matrices of the bodies and will take other values than in the scene. A library
             of laws follows E* of the lining, laws that the scene writes do not.
         comm: processes; this process alone if None.
-        extensions: friction laws, damping terms and laws of inputs in place of the scene's; then
-            without directory and cache, whose files are known by the scene alone.
+        extensions: laws of contact and friction, damping terms and laws of inputs in place of the
+            scene's; then without directory and cache, whose files are known by the scene alone.
 
     Raises:
         SceneError: the scene is wrong, or has no stage equilibrium.
@@ -352,11 +358,14 @@ def _unit(scene: Scene, key: str) -> str:
         check_scalar(scene, key, key)
         return si_unit(scene, key)
     except KeyMistake as error:
-        raise SceneError(f"{scene.file}: {key}: {error}") from None
+        said = f"no such number of the scene{hint}" if (hint := meant(scene, key)) else str(error)
+        raise SceneError(f"{scene.file}: {key}: {said}") from None
     except SceneError as error:
-        raise SceneError(f"{scene.file}: {error}") from None
+        hint = meant(scene, key) if "there is no" in str(error) else ""
+        raise SceneError(f"{scene.file}: {error}{hint}") from None
 
 
+@with_its_arguments
 def sample(model: Model, inputs: Mapping[str, float | str] | None = None) -> Modes:
     """Complex modes of a prepared scene at some values of its scalars: a plain function of numbers.
 
@@ -379,6 +388,7 @@ def sample(model: Model, inputs: Mapping[str, float | str] | None = None) -> Mod
     return model.modes(inputs)
 
 
+@with_its_arguments
 def sweep(
     scene: str | Path | Mapping[str, Any] | Model, key: str, values: ArrayLike, **chosen: str | int
 ) -> Branches:

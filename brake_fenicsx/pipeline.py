@@ -9,6 +9,7 @@ from __future__ import annotations
 import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from brake_fenicsx.arguments import with_its_arguments
 from brake_fenicsx.build.law_stage import law_recipe, micro_stage
 from brake_fenicsx.checks import (
     check,
@@ -43,14 +45,16 @@ from brake_fenicsx.stages import Run
 if TYPE_CHECKING:
     from brake_fenicsx.build.brake import Brake
     from brake_fenicsx.micro import LawLibrary
+    from brake_fenicsx.results.output import First
     from brake_fenicsx.results.run import RunData
     from brake_fenicsx.samples.study import Study
     from brake_fenicsx.surface import SurfaceStatistics
     from brake_fenicsx.sweeps.sweep_study import SweepStudy
 
-DRAWING = 4  # processes that draw figures: each reads all results
+DRAWING = 4  # parts of the figures, drawn by as many processes at most: each reads all results
 
 
+@with_its_arguments
 def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> Brake:
     """Assemble a scene's brake: stiffness, mass, contact operators and loads.
 
@@ -74,6 +78,7 @@ def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
     return assemble_brake(read_scene(scene, overrides), comm)
 
 
+@with_its_arguments
 def run(
     scene: str | Path,
     comm: MPI.Comm,
@@ -172,7 +177,10 @@ def _finish(this: Run, stats: SurfaceStatistics | None, new: bool) -> None:
         raise
     if "report" in this.scene.stages and this.whole:
         with this.stage("report"):
-            report(store.directory, comm, this.pictures, this.scene.own.figures)
+            if "samples" not in this.seconds:
+                report(store.directory, comm, this.pictures, this.scene.own.figures)
+            elif comm.rank == 0:
+                write_page(store.directory)
         if comm.rank == 0:
             this.write_summary()
 
@@ -213,7 +221,8 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
             logger.info("means over %d scans, each of %d x %d points", len(stats.scans),
                         *stats.topographies[0].shape)  # fmt: skip
         logger.info(
-            "S_q %.2f um, S_sk %.3f, S_ku %.3f; slopes %.2f and %.2f, corner %.1f /mm",
+            "scan: S_q %.2f um, S_sk %.3f, S_ku %.3f; power spectrum: slopes %.2f and %.2f, which"
+            " meet at q_c = %.1f 1/mm",
             stats.S_q * 1e6, stats.S_sk, stats.S_ku, fit.c1, fit.c2, fit.q_c / 1e3,
         )  # fmt: skip
         this.warn(surface_warnings(this.scene, stats))
@@ -244,9 +253,9 @@ def brake_stage(this: Run) -> Brake:
         if brake.mesh.worst is not None:
             this.facts["smallest_dihedral_deg"] = float(np.degrees(brake.mesh.worst.dihedral))
         logger.info(
-            "%(cells)d cells, %(dofs)d free dofs, %(contact_elements)d contact elements"
-            " with a mean side of %(mean_patch_mm).3f mm; worst quality of a cell"
-            " %(worst_cell_quality).3f",
+            "%(cells)d finite elements, %(dofs)d free dofs; %(contact_elements)d contact elements"
+            " of %(mean_patch_mm).3f mm mean side; worst quality of an element"
+            " %(worst_cell_quality).3f (1: regular)",
             this.facts,
         )
     if this.comm.size > 1 or not this.whole:
@@ -318,15 +327,19 @@ def mechanics(
     if not this.whole:
         return
     with this.stage("results"):
-        _results(this, study, sweep)
+        first = _results(this, study, sweep)
     for extra in named(this.scene):
         if extra.stage:
             with this.stage(extra.name):
                 save_stage(this.store, extra.name, load(extra.stage)(this, study) or {})
+    drawn = "report" in this.scene.stages
+    if study.verify or drawn:
+        with this.stage("pictures" if drawn else "verification"):
+            draw_beside(this, study, first)
 
 
-def _results(this: Run, study: Study, sweep: SweepStudy | None) -> None:
-    """Tables and fields of the samples, and what they leave open."""
+def _results(this: Run, study: Study, sweep: SweepStudy | None) -> First:
+    """Tables of the samples, and what they leave open; see ``write_results``."""
     from brake_fenicsx.results.output import write_results
     from brake_fenicsx.samples.forces import law_warnings, stuck_warnings
 
@@ -340,20 +353,34 @@ def _results(this: Run, study: Study, sweep: SweepStudy | None) -> None:
     this.warn(law_warnings(this.scene, this.facts["samples"]))
     note_open_points(this)
     this.warn(this.facts.pop("lost_extras", []))
-    if "report" not in this.scene.stages:
-        return
-    from brake_fenicsx.report.figure_inputs import contact_maps
-    from brake_fenicsx.report.mode_fields import write_mode_fields
+    return first
 
-    this.warn(write_mode_fields(study, first, this.pictures))
-    if this.pictures:
-        # The maps of the page too, beside the picture.
-        last = (
-            ("maps of the contact", lambda: contact_maps(this.store.directory)),
-            ("picture of the mesh", lambda: draw_mesh(this, study.brake)),
-        )
-        drawn = in_turns(2, lambda i: spared(*last[i])[1], this.comm)
-        this.warn([text for lost in drawn for text in lost])
+
+def draw_beside(this: Run, study: Study, first: First) -> None:
+    """Samples of the verification, and beside them the pictures and figures of the page."""
+    from brake_fenicsx.results.output import verification
+
+    works: list[Callable[[], tuple[Any, list[str]]]] = []
+    if "report" in this.scene.stages:
+        from brake_fenicsx.report.mode_fields import prepare_shapes, write_shapes
+
+        shapes = prepare_shapes(study, first, this.pictures)
+        this.warn(shapes.lost)
+        works += shapes.works
+        if this.pictures:
+            works.append(
+                lambda: spared("picture of the mesh", lambda: draw_mesh(this, study.brake))
+            )
+        if this.comm.rank == 0:
+            this.write_summary()  # which the figures read
+        this.comm.Barrier()
+        works += figure_works(this.store.directory, this.pictures, this.scene.own.figures)
+    made = study.verified_beside(works)
+    if study.verify:
+        this.facts["verification"] = on_first(lambda: verification(study), this.comm)
+    this.warn([text for _, lost in made for text in lost])
+    if "report" in this.scene.stages and this.comm.rank == 0:
+        write_shapes(study, [row for row, _ in made[: len(shapes.works)] if row is not None])
 
 
 def draw_mesh(this: Run, brake: Brake) -> None:
@@ -383,31 +410,56 @@ def report(
         pictures: whether figures are drawn; those of mode shapes and the mesh stay as they are.
         own: figures of a user's own by name.
     """
-    from brake_fenicsx.report.figure_inputs import contact_maps
-    from brake_fenicsx.report.figures import make_figures
-    from brake_fenicsx.report.html import write_report
-    from brake_fenicsx.report.surface_page import write_surface_tables
-    from brake_fenicsx.results.answer import summary_table, write_tables
-    from brake_fenicsx.results.run import RunData, read_run
+    from brake_fenicsx.results.run import read_run
 
     if not directory.is_dir():
         read_run(directory)  # says what it is
-    if pictures:
-        lost = on_first(
-            lambda: spared("maps of the contact", lambda: contact_maps(directory)), comm
-        )
-        for text in lost[1]:
+    works = figure_works(directory, pictures, own)
+    for _, lost in in_turns(len(works), lambda i: works[i](), comm):
+        for text in lost:
             logger.warning("%s", text)
-    draws, held = min(comm.size, DRAWING), list[RunData]()
+    if comm.rank == 0:
+        write_page(directory)
 
-    def draw(i: int) -> None:
-        held.append(read_run(directory))
-        make_figures(held[0], slice(i, None, draws), pictures, own)
 
-    list(in_turns(draws, draw, comm))
-    if comm.rank > 0:
-        return
-    (data,) = held
+def figure_works(
+    directory: Path, pictures: bool, own: Mapping[str, Callable[[RunData], Any]]
+) -> list[Callable[[], tuple[None, list[str]]]]:
+    """Works that draw the figures of a results folder, by any processes, begun in this order.
+
+    Args:
+        directory: the results folder; a process reads it once.
+        pictures: False removes the figures.
+        own: figures of a user's own by name.
+
+    Returns:
+        Works, each of which gives what failed, a line each.
+    """
+    from brake_fenicsx.report.figure_inputs import contact_maps
+    from brake_fenicsx.report.figures import PLOTS, make_figures
+    from brake_fenicsx.results.run import read_run
+
+    held = cache(lambda: read_run(directory))
+    maps = [plot.name for plot in PLOTS].index("figure7_contact_maps")
+
+    def draw(i: int) -> tuple[None, list[str]]:
+        lost: list[str] = []
+        if pictures and i == 0:  # of the figure in this part, before the results are read
+            lost = spared("maps of the contact", lambda: contact_maps(directory))[1]
+        make_figures(held(), slice((maps + i) % DRAWING, None, DRAWING), pictures, own)
+        return None, lost
+
+    return [partial(draw, i) for i in range(DRAWING)]
+
+
+def write_page(directory: Path) -> None:
+    """Tables and the HTML page of a results folder whose figures are drawn; on one process."""
+    from brake_fenicsx.report.html import write_report
+    from brake_fenicsx.report.surface_page import write_surface_tables
+    from brake_fenicsx.results.answer import summary_table, write_tables
+    from brake_fenicsx.results.run import read_run
+
+    data = read_run(directory)
     # Those of an earlier run with other stages or keys.
     shutil.rmtree(directory / "tables", ignore_errors=True)
     write_tables(data)

@@ -19,6 +19,7 @@ from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import peak_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import end_of_stage
+from brake_fenicsx.results.accuracy import STAGES
 from brake_fenicsx.results.versions import versions
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.digest import in_effect
@@ -60,18 +61,15 @@ class Run:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Log and time a stage."""
-        logger.info("stage '%s' ...", name)
+        title = STAGES.get(name, name)
+        logger.info("%s ...", title)
         start = time.perf_counter()
         yield
         self.comm.Barrier()
         self.seconds[name] = time.perf_counter() - start
         self.process_memory_mb[name], self.peak_memory_mb[name] = peak_memory(self.comm)
-        logger.info(
-            "stage '%s' finished in %.1f s (peak memory %.0f MB)",
-            name,
-            self.seconds[name],
-            self.peak_memory_mb[name],
-        )
+        numbers = self.seconds[name], self.peak_memory_mb[name]
+        logger.info("%s: done in %.1f s (peak memory %.0f MB)", title, *numbers)
         release_memory()
         end_of_stage(self.comm)
 

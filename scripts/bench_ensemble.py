@@ -116,8 +116,8 @@ def merge(args: argparse.Namespace) -> None:
         if not (first / "summary.json").exists():
             study(args.scene, first, REAL, args.processes, named(args.set, REAL))
         print(
-            f"{args.scene.stem}\n{'samples':>8}{'modes':>9}{'results s':>10}{'report s':>9}"
-            f"{'peak MB':>8}{'files':>6}{'GB':>6}"
+            f"{args.scene.stem}\n{'samples':>8}{'modes':>9}{'results s':>10}{'pictures s':>11}"
+            f"{'page s':>7}{'peak MB':>8}{'files':>6}{'GB':>6}"
         )
         for n in args.samples:
             out = Path(folder) / f"{n}"
@@ -133,7 +133,7 @@ def merge(args: argparse.Namespace) -> None:
             files = [file for file in out.rglob("*") if file.is_file()]
             print(
                 f"{n:8d}{sum(about['modes'] for about in summary['samples'].values()):9d}"
-                f"{seconds['results']:10.1f}{seconds['report']:9.1f}{max(memory.values()):8.0f}"
+                f"{seconds['results']:10.1f}{seconds['pictures']:11.1f}{seconds['report']:7.1f}{max(memory.values()):8.0f}"
                 f"{len(files):6d}{sum(file.stat().st_size for file in files) / 1e9:6.1f}",
                 flush=True,
             )

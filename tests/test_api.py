@@ -17,15 +17,18 @@ import pytest
 
 import brake_fenicsx
 from brake_fenicsx import Model, prepare, sample, sweep
-from brake_fenicsx.display import html_table
+from brake_fenicsx.display import html_table, mesh_grid
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.extensions import Extensions
+from brake_fenicsx.mac import mac
 from brake_fenicsx.micro import LawSettings, contact_law, law_steps, make_library
+from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import MODES
 from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.surface import make_topography
 from coarse_block import BLOCK, FRICTION, ROUGH
 
+MEANT = f"; did you mean '{FRICTION}'?"
 PRESSURE = 'loads."block.top".pressure'
 ROOT = Path(__file__).parents[1]
 I = np.eye(3)
@@ -126,6 +129,16 @@ def rubbed(given):
         (lambda m: m.modes([FRICTION, 0.3]), "values: an object of the type list; give a mapping"),
         (lambda m: m.modes({FRICTION: "0.3"}), f"{FRICTION} = '0.3': write a plain number"),
         (lambda m: m.modes(sample=0.5), "sample 0.5 of"),
+        (lambda m: m.modes({"friction": 0.3}), f"no such number of the scene{MEANT}"),
+        (lambda m: m.sweep("contact.block_plat.friction", [0.1]), MEANT),
+        (lambda m: m.modes({"parts.block.axis": 0.1}), "run the scene once for each"),
+        (lambda m: m.modes(approach="multi_scale"), "; did you mean 'multi-scale'?"),
+        (lambda m: m.modes(friction=0.3), "'friction'; its arguments are values, approach, sample"),
+        (lambda m: m.modes(value={}), "did you mean 'values'?"),
+        (lambda m: m.sweep(FRICTION), "sweep: missing a required argument: 'values'"),
+        (lambda m: prepare(BLOCK, override=[]), "did you mean 'overrides'?"),
+        (lambda m: m.modes().to_pyvista(999), "to_pyvista: mode 999: there are 0 to"),
+        (lambda m: complex_modes(I, None, I, (0.0, 1.0)).to_pyvista(0), "modes of matrices have"),
         (lambda m: sample(BLOCK, {}), "give what `prepare` returns"),
         (lambda m: sweep(BLOCK, FRICTION, []), "values = []; give a list of numbers"),
         (lambda m: prepare({"stages": []}), "scene (mapping): stages: 'equilibrium' is missing"),
@@ -173,7 +186,7 @@ def test_a_prepared_scene_keeps_the_ranges_of_its_sweep():
 
 
 def test_modes_and_branches_in_a_notebook(model):
-    """Tables of every object, a data frame of modes, and a figure of branches."""
+    """Tables of every object; data frames and figures of modes and of branches, in own axes."""
     modes = model.modes()
     table = modes.to_pandas()
     assert {*table} < {*MODES} and list(table.frequency_hz) == list(modes.frequency)
@@ -184,8 +197,49 @@ def test_modes_and_branches_in_a_notebook(model):
     axes = found.plot()
     assert [len(a.get_lines()) for a in axes] == [len(found.frequency), len(found.frequency) + 1]
     assert axes[1].get_xlabel() == f"{FRICTION} [-]" and len(axes[1].get_legend().get_texts()) > 0
-    assert found.plot(axes) is axes
-    plt.close(axes[0].figure)
+    assert found.plot(ax=axes) is axes
+    rows = found.to_pandas()
+    assert len(rows) == np.isfinite(found.frequency).sum()
+    one = rows[rows.branch == rows.branch[0]]
+    row = found.frequency[rows.branch[0]]
+    np.testing.assert_array_equal(one.frequency_hz, row[np.isfinite(row)])
+    _, ax = plt.subplots()
+    assert modes.plot(ax=ax) is ax and ax.get_xlabel() == "frequency [kHz]"
+    drawn = sum(len(line.get_xdata()) for line in ax.get_lines()[:2])
+    assert drawn == len(modes) and ax is not modes.plot()
+    plt.close("all")
+
+
+def test_the_shape_of_a_mode_on_the_mesh(model):
+    """By the reduced model that of full order; components stay where they are."""
+    whole = prepare(BLOCK, [*ROUGH, "stability.method=full"]).modes()
+    modes = model.modes()
+    for i in (0, 3):
+        shapes = []
+        for of, j in ((modes, i), (whole, int(np.argmin(np.abs(whole.s - modes.s[i]))))):
+            grid = of.to_pyvista(j)
+            shapes.append((grid["re"] + 1j * grid["im"]).reshape(-1, 1))
+            assert np.linalg.norm(grid["re"] + 1j * grid["im"], axis=1).max() == pytest.approx(1)
+        assert grid.n_points == whole.on_mesh(j)[1].size // 3 and grid.n_cells > 0
+        assert mac(*shapes)[0, 0] > 1 - 1e-6
+    V = model.study.brake.elastic.free.V
+    u = np.tile([0.0, 3e-6j, 4e-6], V.dofmap.index_map.size_local)
+    grid = mesh_grid(V, u)
+    for name, vector in (("re", [0, 0, 0.8]), ("im", [0, 0.6, 0])):
+        np.testing.assert_allclose(grid[name], [vector] * grid.n_points, rtol=1e-12)
+
+
+def test_tables_of_a_run_are_data_frames(tmp_path):
+    from mpi4py import MPI
+
+    brake_fenicsx.run(BLOCK, MPI.COMM_SELF, tmp_path / "out", [*ROUGH, "samples.n=2"])
+    run = read_run(tmp_path / "out")
+    table = run.to_pandas()
+    assert {*table} >= {"approach", "frequency_hz"} and {*table["sample"]} == {0, 1}
+    np.testing.assert_array_equal(table.frequency_hz, run.modes["frequency_hz"])
+    assert len(run.to_pandas("samples")) == 2 and len(run.to_pandas("probabilities")) > 0
+    with pytest.raises(BrakeError, match="no table 'mode'; did you mean 'modes'"):
+        run.to_pandas("mode")
 
 
 def test_a_text_of_a_table_is_escaped():

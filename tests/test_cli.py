@@ -291,15 +291,25 @@ def test_gmsh_never_asks():
 
 
 def test_time_to_go_is_that_of_the_samples_left(caplog, monkeypatch):
-    """One sample at full order, 500 s long, says nothing of those by a reduced model."""
-    now = iter([0.0, 500.0, 506.0, 512.0])
+    """By the mean of those of their kind; the laws of resampled scans came after "0 s to go"."""
+    now = iter([0.0, 500.0, 506.0, 520.0, 1e3, 1030.0, 1040.0, 1100.0])
     monkeypatch.setattr(time, "perf_counter", lambda: next(now))
-    progress = Progress("samples", 22, 1)
     with caplog.at_level("INFO", logger="brake_fenicsx"):
+        progress = Progress("samples", 1, 8)
         for _ in range(3):
             progress.advance()
-    assert caplog.messages[0] == "samples: 1 of 22, the 1 long ones first"
-    assert caplog.messages[1] == "samples: 2 of 22, 120 s to go"
+        assert progress.to_go() == "60 s to go"
+        shared = Progress("pieces", 2, 4, processes=2)
+        for n in (1, 3, 2):
+            shared.advance(n)
+    assert caplog.messages == [
+        "samples: 1 of 9, time to go not known yet",
+        "samples: 2 of 9, 42 s to go",
+        "samples: 3 of 9, 60 s to go",
+        "pieces: 1 of 6, time to go not known yet",
+        "pieces: 4 of 6, 10 s to go",
+        "pieces: 6 of 6 in 2 min",
+    ]
 
 
 def test_no_pictures(tmp_path, capsys):

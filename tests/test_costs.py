@@ -51,7 +51,7 @@ def test_estimated_time_is_that_of_the_page():
     found = calibrated_seconds(scene, {"multi-scale": 20, "classical": 1}, 40_745, 576, REFERENCE)
     assert found.keys() == rows.keys()
     assert work_of_a_second() > 0
-    for stage in ("micro", "brake", "offline", "samples", "results", "report"):
+    for stage in ("micro", "brake", "offline", "samples", "results", "pictures", "report"):
         assert rows[stage] / FACTOR < found[stage] < rows[stage] * FACTOR
 
 

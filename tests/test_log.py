@@ -1,7 +1,12 @@
 """What the terminal shows beside the log of the program."""
 
+import os
+import pty
+import re
 import subprocess
 import sys
+import termios
+from contextlib import suppress
 
 from brake_fenicsx.folder.log import logger, start_log
 
@@ -44,3 +49,37 @@ def test_warnings_on_the_terminal_say_so(capsys):
     logger.warning("half.txt: implausible")
     logger.info("stage")
     assert capsys.readouterr().err == "warning: half.txt: implausible\nstage\n"
+
+
+def test_a_terminal_has_a_bar_below_the_lines():
+    """Lines that come meanwhile stand above it; at the end a line takes its place."""
+    code = """
+import time
+from brake_fenicsx.folder.log import Progress, logger, start_log
+
+start_log(0)
+progress = Progress("samples", 3)
+for k in range(3):
+    time.sleep(0.2)
+    logger.info("line %d", k)
+    progress.advance()
+"""
+    said = pty_output([sys.executable, "-c", code])
+    assert re.search(r"samples: 2 of 3, < 1 s to go \|█+ *\|", said)
+    lines = [line.rpartition("\r")[2].strip() for line in said.split("\n") if line.strip()]
+    assert lines == ["line 0", "line 1", "line 2", "samples: 3 of 3 in < 1 s"]
+
+
+def pty_output(words):
+    """What a program writes to a terminal of its own."""
+    ours, theirs = pty.openpty()
+    termios.tcsetwinsize(theirs, (24, 80))
+    done = subprocess.Popen(words, stdout=theirs, stderr=theirs, stdin=theirs)
+    os.close(theirs)
+    said = b""
+    with suppress(OSError):  # the end of a terminal
+        while part := os.read(ours, 4096):
+            said += part
+    os.close(ours)
+    assert done.wait() == 0, said
+    return said.decode().replace("\r\n", "\n")

@@ -131,11 +131,12 @@ def _layer(
     tie = scene.ties[name]
     faces = tie.faces[0], tie.faces[1]
     found = tied_faces(mesh, elastic.free, faces, materials, tie.stiffness, tie.search)
+    left = 1e6 * max(found.uncovered, 0.0)
+    rest = f", {left:.4g} mm^2 of {faces[0]} not" if left > 1e-3 else ""
     logger.info(
-        "tie %s: %.4g mm^2 glued, %.4g mm^2 of %s not; %.3g Pa/m, gap up to %.4f mm",
-        name, 1e6 * found.area, 1e6 * max(found.uncovered, 0.0), faces[0], found.stiffness,
-        1e3 * found.gap,
-    )  # fmt: skip
+        "tie %s: %.4g mm^2 glued%s; gap up to %.3g um; stiffness of the layer %.3g N/mm^3",
+        *(name, 1e6 * found.area, rest, 1e6 * found.gap, 1e-9 * found.stiffness),
+    )
     return found
 
 

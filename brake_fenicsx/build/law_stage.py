@@ -141,15 +141,16 @@ class _Laws:
         # Without a scan, or up to less than the pressures of the band, none is drawn anew.
         band = bool(self.stats.topographies) and max(PRESSURES) < recipe.settings.highest
         scans = micro.scans if band else 0
-        what = "laws and scans drawn anew" if scans else "laws"
+        what = f"contact laws of {micro.laws} surfaces"
+        what += f" and {scans} resampled scans" * bool(scans)
         counts = (len(range(comm.rank, n, comm.size)) for n in (micro.laws, scans))
-        progress = Progress(f"{what}{' of the first process' * (comm.size > 1)}", sum(counts))
+        progress = Progress(f"{what}{f', process 1 of {comm.size}' * (comm.size > 1)}", *counts)
         laws = self._spread(micro.laws, self._law, progress)
         notes = comm.bcast([*doubts(first), *self._beyond()] if comm.rank == 0 else None)
         settings = {**recipe.record(), "seed": micro.seed, "notes": notes}
         drawn = self._spread(scans, self._drawn, progress)
         if len(drawn) < 0.8 * scans:
-            logger.warning("only %d of %d scans drawn anew gave a law: no band", len(drawn), scans)
+            logger.warning("only %d of %d resampled scans gave a law: no band", len(drawn), scans)
         elif len(drawn) > 1:
             support = law_support(drawn, laws)
             if doubt := support.warning():
@@ -167,16 +168,18 @@ class _Laws:
     def _note(self, first: Topography) -> None:
         """Log what the first surface is like, and how far laws go."""
         if (r := first.record) is not None:
+            level = f", {r.C0_scale:.2f} times its power spectrum" * (abs(r.C0_scale - 1) > 0.005)
             logger.info(
-                "artificial surfaces: %d x %d points; S_q %.2f um, that of the scan %.2f um;"
-                " spectrum of the scan times %.2f; %.0f %% of the variance in longer waves",
-                *first.shape, 1e6 * r.S_q, 1e6 * self.stats.S_q, r.C0_scale, 100 * r.low_share,
-            )  # fmt: skip
+                "artificial surfaces: %d x %d points, S_q %.2f um (scan: %.2f um)%s; waves longer"
+                " than the scan have %.0f %% of the variance",
+                *(*first.shape, 1e6 * r.S_q, 1e6 * self.stats.S_q, level, 100 * r.low_share),
+            )
         if self.wanted < self.recipe.settings.highest:
             logger.info(
-                "laws up to %.3g MPa, at least %.3g times the mean pressure of the contact; a"
-                " sample that needs more makes its laws longer", self.wanted / 1e6, TIMES,
-            )  # fmt: skip
+                "laws are computed up to %.3g MPa, at least %.3g times the mean contact pressure;"
+                " a sample with higher pressures extends its own",
+                *(self.wanted / 1e6, TIMES),
+            )
 
     def _spread(
         self, count: int, make: Callable[[int], Made | None], progress: Progress
@@ -211,7 +214,7 @@ class _Laws:
         except StorageError:
             raise
         except BrakeError:
-            logger.debug("scan %d drawn anew gives no law", number, exc_info=True)
+            logger.debug("resampled scan %d gives no law", number, exc_info=True)
             return None
 
     def _kept(self, name: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:

@@ -10,7 +10,10 @@ import errno
 import logging
 import sys
 import time
+from bisect import bisect_right
 from collections.abc import Callable
+from contextlib import nullcontext
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -86,43 +89,67 @@ class _Terminal(logging.StreamHandler):
         """Show a record."""
         if self.keeps:
             self.said.append(record)
-        super().emit(record)
+        bars = sys.modules.get("tqdm")  # a bar below the lines makes room
+        with bars.tqdm.external_write_mode(self.stream) if bars else nullcontext():
+            super().emit(record)
 
 
 class Progress:
-    """A log line every five seconds at most, with the time to go."""
+    """A bar on a terminal, else a line of the log every five seconds, with the time to go.
 
-    def __init__(self, what: str, total: int, slow: int = 0):
+    Pieces of one kind take about as long: those to come take the mean of those that were measured.
+    """
+
+    def __init__(self, what: str, *counts: int, processes: int = 1):
         """Begin.
 
         Args:
-            what: name of the pieces.
-            total: how many there are.
-            slow: how many of them, the first ones, say nothing of how long the others take.
+            what: what is counted, as the line begins.
+            counts: how many pieces there are of each kind, in the order in which they come.
+            processes: how many processes share them.
         """
-        self.what, self.total, self.done = what, total, 0
-        self.slow = slow if slow < total else 0
-        self.last = self.said = time.perf_counter()
-        self.each: float | None = None
+        self.what, self.total, self.done, self.processes = what, sum(counts), 0, processes
+        self.ends = list(accumulate(counts))
+        self.measured: list[list[float]] = [[] for _ in counts]
+        self.start = self.last = self.said = time.perf_counter()
+        self.bar: Any = None
+        terminal = next((h for h in logger.handlers if isinstance(h, _Terminal)), None)
+        shown = terminal is not None and terminal.level <= logging.INFO
+        if self.total and shown and terminal.stream.isatty():
+            from tqdm import tqdm
+
+            form = "{desc}: {n_fmt} of {total_fmt}{postfix} |{bar}|"
+            self.bar = tqdm(
+                total=self.total, desc=what, leave=False, bar_format=form, file=terminal.stream
+            )
 
     def advance(self, n: int = 1) -> None:
-        """Count ``n`` finished pieces and say so when there is something new to say."""
-        before, self.done = self.done, self.done + n
-        now = time.perf_counter()
-        each = (now - self.last) / max(n, 1)
-        self.last = now
-        if before >= self.slow:
-            # Pieces differ in length: the latest count more.
-            old = each if self.each is None else self.each
-            self.each = 0.8 * old + 0.2 * min(each, 4 * old)
-        if self.done < self.total and now - self.said < 5.0:
-            return
-        self.said = now
-        if self.each is None:
-            to_go = f"the {self.slow} long ones first"
-        else:
-            to_go = f"{self.each * (self.total - self.done):.0f} s to go"
-        logger.info("%s: %d of %d, %s", self.what, self.done, self.total, to_go)
+        """Count ``n`` finished pieces, one of which this process has made since the last call."""
+        now, kind = time.perf_counter(), bisect_right(self.ends, self.done + n - 1)
+        self.measured[min(kind, len(self.measured) - 1)].append(now - self.last)
+        self.done, self.last = self.done + n, now
+        if self.bar is not None:
+            self.bar.set_postfix_str(self.to_go(), refresh=False)
+            self.bar.update(n)
+        if self.done >= self.total:
+            if self.bar is not None:
+                self.bar.close()
+            took = time_text(now - self.start)
+            logger.info("%s: %d of %d in %s", self.what, self.done, self.total, took)
+        elif self.bar is None and now - self.said >= 5.0:
+            self.said = now
+            logger.info("%s: %d of %d, %s", self.what, self.done, self.total, self.to_go())
+
+    def to_go(self) -> str:
+        """The time to go as text."""
+        seconds, begin = 0.0, 0
+        for end, measured in zip(self.ends, self.measured, strict=True):
+            if left := max(0, end - max(self.done, begin)):
+                if not measured:
+                    return "time to go not known yet"
+                seconds += left * sum(measured) / len(measured)
+            begin = end
+        return f"{time_text(seconds / self.processes)} to go"
 
 
 def spared(what: str, work: Callable[[], T]) -> tuple[T | None, list[str]]:

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.extensions import Extra, extras, load, shown
-from brake_fenicsx.folder.log import logger, spared
+from brake_fenicsx.folder.log import Progress, logger, spared
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.results.run import RunData, read_run
 
@@ -233,7 +233,9 @@ def make_figures(
     written: list[Path] = []
     with house_style():
         given = [Plot(f"own_{name}", name, draw_it) for name, draw_it in own.items()]
-        for plot in [*PLOTS, *given][share]:
+        plots = [*PLOTS, *given][share]
+        progress = Progress("figures" if share.step is None else "figures of a process", len(plots))
+        for plot in plots:
             for old in folder.glob(f"{plot.name}.*"):
                 old.unlink()  # perhaps of an earlier run with other stages or keys
             if not draw:
@@ -244,6 +246,7 @@ def make_figures(
                 # The page names it, now and when it is written again.
                 (folder / f"{plot.name}{LOST}").write_text(lost[0], "utf-8")
                 logger.warning("%s", lost[0])
+            progress.advance()
     return written
 
 

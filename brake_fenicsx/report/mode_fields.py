@@ -6,8 +6,9 @@ The nodal diameters of a rotor are the strongest harmonic of its motion at the r
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from brake_fenicsx.folder.log import spared
-from brake_fenicsx.folder.processes import in_turns, meanwhile, on_first
+from brake_fenicsx.folder.processes import meanwhile, on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.macro.faces import gather_face
 from brake_fenicsx.results.run import RunData, read_run, save_tables
@@ -92,10 +93,23 @@ def nodal_pattern(points: NDArray, u: NDArray, most: int = 12) -> NodalPattern |
     return NodalPattern(int(n), DIRECTIONS[j], min(float(pieces[n, j]) / whole, 1.0))
 
 
-def write_mode_fields(
+@dataclass(frozen=True, slots=True)
+class ShapeWorks:
+    """What is to be written and drawn of modes, by any processes in any order.
+
+    Attributes:
+        works: each gives the table's row of a mode, or None, and what failed, a line each.
+        lost: what failed before, or is less exact than a picture asks, a line each.
+    """
+
+    works: list[Callable[[], tuple[ModeShape | None, list[str]]]]
+    lost: list[str]
+
+
+def prepare_shapes(
     study: Study, first: Mapping[Task, Mapping[str, Any]], pictures: bool = True
-) -> list[str]:
-    """Write fields/*.vtkhdf, figures/mode_* and contact_faces.npz; collective.
+) -> ShapeWorks:
+    """Write the fields of the equilibria and contact_faces.npz, and find shapes; collective.
 
     Equilibrium and contact are those of the first sample of each approach; modes are of its most
     severe families, of each the squeal mode of median damping.
@@ -103,10 +117,10 @@ def write_mode_fields(
     Args:
         study: the study.
         first: what was stored of the first good sample of each approach.
-        pictures: False writes the fields and the nodal diameters alone.
+        pictures: False leaves the fields and the nodal diameters alone to the works.
 
     Returns:
-        What failed and is left out, or is less exact than a picture asks, a line each.
+        The works that write fields/modes_*, fields/phase_* and figures/mode_*.
     """
     store, comm = study.store, study.comm
     if comm.rank == 0:
@@ -133,22 +147,24 @@ def write_mode_fields(
         modes.append((study.sample(task), stored, np.array([mode.mode])))
     found, missing = spared("shapes of modes", lambda: displacements(study.models, modes, comm, 1))
     written()
-    lost = comm.bcast(lost, root=0) + missing
-    shapes, rows = iter(found or ()), list[ModeShape]()
+    shapes, works = iter(found or ()), []
     for chosen in drawn if found is not None else ():
         own = [next(shapes) for _ in chosen]
-        rows += _write_modes(study, run, chosen, [u[:, 0] for u, _ in own], pictures, lost)
-        lost += [
+        works += _shape_works(study, run, chosen, [u[:, 0] for u, _ in own], pictures)
+        missing += [
             f"shape of the mode at {mode.frequency:.0f} Hz of {mode.approach} {mode.sample}: its"
             f" displacements have an estimated relative error of {error[0]:.0e}"
             for mode, (_, error) in zip(chosen, own, strict=True)
             if not error[0] <= EXACT
         ]
-    if comm.rank == 0:
-        table = RowTable.of(ModeShape, rows)
-        table.write(store.path("figures", "mode_shapes.csv"))
-        save_tables(store, SHAPES, {"shapes": table.columns})
-    return lost
+    return ShapeWorks(works, comm.bcast(lost, root=0) + missing)
+
+
+def write_shapes(study: Study, rows: Sequence[ModeShape]) -> None:
+    """Write figures/mode_shapes.csv, and its columns for the page, on one process."""
+    table = RowTable.of(ModeShape, rows)
+    table.write(study.store.path("figures", "mode_shapes.csv"))
+    save_tables(study.store, SHAPES, {"shapes": table.columns})
 
 
 def contact_faces(study: Study) -> dict[str, NDArray]:
@@ -214,17 +230,14 @@ def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
     return RunData(folder, summary=settings), on_first(severe, study.comm)
 
 
-def _write_modes(
+def _shape_works(
     study: Study,
     run: RunData,
     chosen: list[ModeKey],
     shapes: list[NDArray[np.complex128]],
     pictures: bool,
-    lost: list[str],
-) -> list[ModeShape]:
-    """Real and imaginary part of some modes of an approach, one period of each, and its pictures.
-
-    The processes take the modes in turns.
+) -> list[Callable[[], tuple[ModeShape | None, list[str]]]]:
+    """Works for some modes of an approach: their fields, and for each a period and its pictures.
 
     Args:
         study: the study.
@@ -232,18 +245,17 @@ def _write_modes(
         chosen: the modes.
         shapes: displacement of each, shape (dofs,).
         pictures: whether they are drawn.
-        lost: what fails is added, a line each.
-
-    Returns:
-        What the pictures show.
     """
-    store, name, V = study.store, chosen[0].approach, study.brake.elastic.free.V
-    rotors = _rotors(study)
+    store, name, free = study.store, chosen[0].approach, study.brake.elastic.free
+    V, rotors = free.V, _rotors(study)
 
-    def draw(i: int) -> tuple[str, NDArray[np.complex128], ModeShape]:
-        mode = chosen[i]
-        hertz, share = mode.name, mode.family.share
-        shape = study.brake.elastic.free.expand(shapes[i])
+    def write() -> None:
+        pairs = zip(chosen, shapes, strict=True)
+        fields = {f"mode_{mode.name}": free.expand(shape) for mode, shape in pairs}
+        write_fields(store.path("fields", f"modes_{name}.vtkhdf"), V, fields)
+
+    def draw(mode: ModeKey, of_free: NDArray[np.complex128]) -> ModeShape:
+        hertz, share, shape = mode.name, mode.family.share, free.expand(of_free)
         write_phases(store.path("fields", f"phase_{name}_{hertz}.vtkhdf"), V, shape)
         often = f"; family squeals in {share.hits} of {share.n} samples" if share.n > 1 else ""
         title = (
@@ -255,20 +267,13 @@ def _write_modes(
             render_mode(store.path("figures", f"{picture}.png"), V, shape, title)
             animate_mode(store.path("figures", f"{picture}.webp"), V, shape)
         numbers = mode.family.number, mode.sample, mode.mode, mode.frequency, mode.damping
-        row = ModeShape.of(name, *numbers, picture, *_nodal_cells(rotors, V, shape))
-        return f"mode_{hertz}", shape, row
+        return ModeShape.of(name, *numbers, picture, *_nodal_cells(rotors, V, shape))
 
-    def attempt(i: int) -> tuple[tuple[str, NDArray[np.complex128], ModeShape] | None, list[str]]:
-        return spared(f"picture of the mode at {chosen[i].frequency:.0f} Hz", lambda: draw(i))
-
-    done = []
-    for made, missing in in_turns(len(chosen), attempt, study.comm):
-        done += [] if made is None else [made]
-        lost += missing
-    if study.comm.rank == 0:
-        fields = {key: shape for key, shape, _ in done}
-        write_fields(store.path("fields", f"modes_{name}.vtkhdf"), V, fields)
-    return [row for *_, row in done]
+    works = [partial(spared, f"fields of the modes of {name}", write)]
+    for mode, shape in zip(chosen, shapes, strict=True):
+        what = f"picture of the mode at {mode.frequency:.0f} Hz"
+        works.append(partial(spared, what, partial(draw, mode, shape)))
+    return works
 
 
 def _rotors(study: Study) -> dict[str, NDArray[np.intp]]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from brake_fenicsx.results.accuracy import error_rows, speed_rows, stage_rows
+from brake_fenicsx.results.accuracy import STAGES, error_rows, speed_rows, stage_rows
 from brake_fenicsx.results.answer import for_reading, share_text
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import kilohertz
@@ -234,7 +234,9 @@ def appendix_sections(run: RunData, cards: Sequence[Card] = ()) -> list[Section]
 def _accuracy(run: RunData) -> list[Block]:
     blocks: list[Block] = []
     if stages := stage_rows(run.summary):
-        rows: list[list[Value]] = [[r.stage, r.seconds, r.peak_memory_mb] for r in stages]
+        rows: list[list[Value]] = [
+            [STAGES.get(r.stage, r.stage), r.seconds, r.peak_memory_mb] for r in stages
+        ]
         rows.append(["sum", sum(r.seconds for r in stages if r.seconds is not None), None])
         blocks.append(Table(["stage", "time [s]", "peak memory [MB]"], rows))
         blocks.append(Text(

@@ -12,6 +12,12 @@ from numpy.typing import NDArray
 from .run import RunData
 from .tables import Row
 
+STAGES = {  # for a reader, by the names in summary.json
+    "brake": "mesh and matrices of the brake", "surface": "surface", "micro": "contact laws",
+    "offline": "reduced model", "samples": "samples", "sweep": "sweep",
+    "results": "tables, fields and mode shapes", "report": "figures and page",
+}  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True)
 class ErrorRow(Row):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -110,8 +110,6 @@ def _tables(study: Study) -> tuple[First, dict[str, Any], list[Ensemble] | None]
     if (stored := run.stored) is None:
         raise ValueError(f"{run.directory}: no samples")
     facts = sample_facts(stored)
-    if study.verify:
-        facts["verification"] = verification(stored, study.verify, study.verified)
     first = {task[0]: data for task, data in stored.first.items()}
     facts["contact_forces"] = {
         name: force_statistics(scene, study.brake, first[name], values)
@@ -126,18 +124,7 @@ def _tables(study: Study) -> tuple[First, dict[str, Any], list[Ensemble] | None]
         with column_writer(path("modes.csv"), MODES) as write:
             for part in stored.modes.parts():
                 write(part)
-        known = stored.squealing_members
-        if stored.members.vectors:
-            study.families = np.array(stored.members.vectors).T
-            # A sweep compares modes that begin to squeal with the squealing mode of each family.
-            study.squealing = [*known]
-            for n, vector in known.items():
-                study.families[:, n] = vector
-        if known:
-            # For comparisons with other runs.
-            places = dof_places(study.brake, study.models.numbering.body)
-            u = study.models.coordinates.displacements(np.array([*known.values()]).T)
-            study.store.save(SHAPES, **family_shapes(places, u, np.array([*known])))
+        _keep_families(study, stored)
     if stability is not None and study.drivers is not None:
         tables["drivers"] = driver_table(stored, stability.threshold)
         tables["drivers_contact"] = contact_driver_table(stored, stability.threshold)
@@ -150,6 +137,21 @@ def _tables(study: Study) -> tuple[First, dict[str, Any], list[Ensemble] | None]
     if stability is not None and {"stability", "uncertainty"} <= {*scene.stages}:
         approaches = ensembles(run, stability.band)
     return stored.first, facts, approaches
+
+
+def _keep_families(study: Study, stored: StoredSamples) -> None:
+    """Vectors of the families for a sweep, and their shapes for comparisons with other runs."""
+    known = stored.squealing_members
+    if stored.members.vectors:
+        study.families = np.array(stored.members.vectors).T
+        # A sweep compares modes that begin to squeal with the squealing mode of each family.
+        study.squealing = [*known]
+        for n, vector in known.items():
+            study.families[:, n] = vector
+    if known:
+        places = dof_places(study.brake, study.models.numbering.body)
+        u = study.models.coordinates.displacements(np.array([*known.values()]).T)
+        study.store.save(SHAPES, **family_shapes(places, u, np.array([*known])))
 
 
 def _contact(stored: StoredSamples, contact: Contact) -> Iterator[ContactElement]:
@@ -239,17 +241,14 @@ def _sentence(kind: str, how: str) -> str:
     return how if kind == PROVEN else f"{'not proven' if kind == 'counted' else kind}: {how}"
 
 
-def verification(stored: StoredSamples, verify: Sequence[Task], verified: str) -> dict[str, Any]:
-    """Reduced samples against full order.
-
-    Args:
-        stored: the samples.
-        verify: those of the verification.
-        verified: approach that they verify.
-    """
+def verification(study: Study) -> dict[str, Any]:
+    """Reduced samples against full order, by what is stored of both; empty without any."""
+    if not study.verify:
+        return {}
     errors, wrong, beyond, compared = [np.zeros(0)], 0, 0, 0
-    for task in verify:
-        full, mine = (stored.store.samples.load(t) or {} for t in (task, (verified, task[1])))
+    for task in study.verify:
+        both = task, (study.verified, task[1])
+        full, mine = (study.store.samples.load(t) or {} for t in both)
         if "s" not in full or "s" not in mine or mine["s"].size != full["s"].size:
             continue
         compared += 1
@@ -260,7 +259,7 @@ def verification(stored: StoredSamples, verify: Sequence[Task], verified: str) -
         wrong += sum({str(a), str(b)} == {"stable", "unstable"} for a, b in pairs)
     error = np.concatenate(errors)
     return {
-        "samples_asked": len(verify), "samples_compared": compared,
+        "samples_asked": len(study.verify), "samples_compared": compared,
         "eigenvalues": int(error.size), "wrong_verdicts": wrong,
         "errors_beyond_estimates": beyond,
         "largest_relative_error": float(error.max()) if error.size else None,

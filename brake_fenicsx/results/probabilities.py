@@ -17,7 +17,8 @@ probabilities.csv probability of squeal of every band and family, its median dam
 convergence.csv   the probabilities after so many samples
 
 Shares of the variance are sums of first-order indices: friction, materials, loads; what is left is
-roughness together with all interactions. Without rough contact it is interactions alone.
+roughness together with all interactions. Without rough contact it is interactions alone. Indices of
+correlated inputs contain what comes with them and may exceed one together: no shares then.
 """
 
 from __future__ import annotations
@@ -326,13 +327,14 @@ def probability_rows(samples: Samples, approaches: Sequence[Ensemble]) -> Iterat
             rho = (None, None, None) if cause.dominant is None else (c.rho, c.low, c.high)
             cells = (*share.cells, o.median_damping, severity, above, cause.dominant, *rho)
             counts = share.n, share.hits
-            yield Probability.of(*e.place(o), *counts, *cells, *_shares(cause.growth, e))
+            yield Probability.of(*e.place(o), *counts, *cells, *_shares(samples, cause.growth, e))
 
 
-def _shares(x: Indices, e: Ensemble) -> list[float | None]:
-    """Shares of the variance by kind of input, and the rest."""
+def _shares(samples: Samples, x: Indices, e: Ensemble) -> list[float | None]:
+    """Shares of the variance by kind of input, and the rest; none of correlated inputs."""
     first = x.first[: len(e.names)]
-    if not e.names or not np.isfinite(first).all():
+    correlated = any(getattr(law, "correlation", ()) for law in samples.random.values())
+    if not e.names or correlated or not np.isfinite(first).all():
         return [None] * (len(SHARES) + 1)
     kinds = [[n.startswith(start) for n in e.names] for start in SHARES]
     shares = [float(first[np.array(chosen)].sum()) for chosen in kinds]

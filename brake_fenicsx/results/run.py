@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import likely
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import extras, load
 from brake_fenicsx.folder.arrays import read_npz, reading
@@ -22,6 +23,9 @@ from .sample_blocks import tabulation_of
 from .squeal import Family, SquealTable
 from .stored import StoredSamples
 from .tables import Columns
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Arrays = dict[str, NDArray]
 
@@ -137,6 +141,28 @@ class RunData:
             return None
         terms = self.summary.get("damping")
         return ", ".join(map(str, terms)) if isinstance(terms, dict) else ""
+
+    def to_pandas(self, table: str = "modes") -> pd.DataFrame:
+        """A table of the run as a data frame.
+
+        Args:
+            table: "modes", "samples", or the stem of another CSV file, such as "lock_in".
+
+        Raises:
+            SceneError: the run has no such table.
+        """
+        import pandas as pd
+
+        names = ("modes", "samples", "contact", "drivers")
+        there = {name: held for name in names if (held := getattr(self, name)) is not None}
+        there |= {"drivers_contact": self.driver_maps} if self.driver_maps is not None else {}
+        there |= {**self.causes, **self.sweep, **self.extras}
+        if table not in there:
+            raise SceneError(
+                f"{self.directory}: no table {table!r}{likely(table, there)}; there are"
+                f" {', '.join(there)}"
+            )
+        return pd.DataFrame({name: there[table][name] for name in there[table]})
 
     def label(self, approach: str) -> str:
         """Name of an approach as a person reads it: "multi-scale" names roughness that is there."""

@@ -21,6 +21,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.display import Shown
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.files import whole_file
 
@@ -55,7 +56,7 @@ class Row:
         return cls(*cells)  # type: ignore[call-arg, unused-ignore]
 
 
-class RowTable:
+class RowTable(Shown):
     """Rows of one kind.
 
     Attributes:
@@ -95,6 +96,9 @@ class RowTable:
         values = zip(*self.cells, strict=True) if self.cells else [()] * len(self.names)
         pairs = zip(self.names, values, strict=True)
         return {name: as_array(column, name in self._texts) for name, column in pairs}
+
+    def _columns(self) -> dict[str, NDArray]:
+        return self.columns
 
     def write(self, path: str | Path) -> Path:
         """Write the CSV file; returns its path."""

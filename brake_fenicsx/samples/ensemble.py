@@ -5,7 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from mpi4py import MPI
 
@@ -27,6 +27,7 @@ AS_LONG = 400
 _NO_MORE = 2**40
 
 Work = Callable[..., dict[str, Any]]
+T = TypeVar("T")
 
 
 def run_ensemble(
@@ -37,7 +38,8 @@ def run_ensemble(
     large: Sequence[Task] = (),
     what: str = "samples",
     paired: bool = False,
-) -> None:
+    beside: Sequence[Callable[[], T]] = (),
+) -> list[T]:
     """Run all samples that are not in the folder yet, or those of the run's share.
 
     A sample that fails is stored with its error and stops nothing; an error that is not one of
@@ -53,6 +55,10 @@ def run_ensemble(
         what: what the samples are called in the log.
         paired: whether two processes may share a long sample, where there are more processes than
             such samples, and not so many others that all are busy anyway.
+        beside: other work, which fills the time of processes that have no sample left.
+
+    Returns:
+        What came of the work beside, in its order, on every process.
     """
     if store.share is not None:
         large, tasks = store.share.part(large), store.share.part(tasks)
@@ -60,8 +66,9 @@ def run_ensemble(
     done = len(large) + len(tasks) - len(wanted)
     if comm.rank == 0 and done:
         logger.info("%d of %d %s were there already", done, len(large) + len(tasks), what)
-    if wanted:
-        _run(wanted, work, store, comm, len(set(large) & set(wanted)), what, paired)
+    if not wanted and not beside:
+        return []
+    return _run(wanted, work, store, comm, len(set(large) & set(wanted)), what, paired, beside)
 
 
 def _missing(tasks: Sequence[Task], store: Store, comm: MPI.Comm) -> list[Task]:
@@ -75,28 +82,41 @@ def _missing(tasks: Sequence[Task], store: Store, comm: MPI.Comm) -> list[Task]:
 
 
 def _run(
-    wanted: Sequence[Task], work: Work, store: Store, comm: MPI.Comm, large: int, what: str,
+    wanted: Sequence[Task],
+    work: Work,
+    store: Store,
+    comm: MPI.Comm,
+    large: int,
+    what: str,
     paired: bool,
-) -> None:  # fmt: skip
+    beside: Sequence[Callable[[], T]],
+) -> list[T]:
     """Compute the samples, each on the process that takes it next; large ones come first.
 
     Those that are left over when every process has had as many come before all others, each shared
     by two processes, unless the other samples keep all processes busy.
     """
-    progress = Progress(what, len(wanted), large)
+    count = len(wanted) + len(beside)
+    progress = Progress(what, large, count - large, processes=comm.size)
+    if 0 < large < count:
+        logger.info("%d of %d %s may take longer and come first", large, count, what)
     left_over = large % comm.size
     paired = paired and len(wanted) - large < AS_LONG * (comm.size - left_over)
     shared = min(left_over, comm.size // 2) if paired else 0
     first, wanted, pair = wanted[:shared], wanted[shared:], comm.rank // 2
     defect: Any = None
+    made: dict[int, T] = {}
     with _Counter(comm) as counter, finishing():
         two = comm.Split(min(pair, shared), comm.rank) if shared else MPI.COMM_NULL
         try:
             if pair < shared:
                 compute_sample(first[pair], partial(work, comm=two), store, two.rank == 0)
                 progress.advance(shared)
-            while (i := counter.next()) < len(wanted):
-                compute_sample(wanted[i], work, store)
+            while (i := counter.next()) < len(wanted) + len(beside):
+                if i < len(wanted):
+                    compute_sample(wanted[i], work, store)
+                else:
+                    made[i] = beside[i - len(wanted)]()
                 progress.advance(shared + i + 1 - progress.done)
         except BrakeError as error:
             defect = error
@@ -108,6 +128,8 @@ def _run(
         raise defects[0]
     if stopped is not None:
         raise stopped
+    every = {i: one for own in comm.allgather(made) for i, one in own.items()}
+    return [every[i] for i in sorted(every)]
 
 
 def compute_sample(task: Task, work: Work, store: Store, keep: bool = True) -> None:

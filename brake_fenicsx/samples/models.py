@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 SHAPES, LAYERS = "cache/shapes.npz", "cache/layers.npz"
 # Real modes up to this multiple of the band tell modes apart where there is no reduced model.
 FAMILIES = 1.3
+UNITS = {"_1_s": " 1/s", "_rad_s": " rad/s", "_m_s": " m/s", "_N_s_m": " N s/m", "_s": " s"}
 
 
 class Models:
@@ -86,8 +87,9 @@ class Models:
             if acting := record(self._scene, b.contact):
                 self.facts["damping"] = acting
             for term, numbers in acting.items():
-                said = ", ".join(f"{name} = {value}" for name, value in numbers.items())
-                logger.info("damping, %s: %s", term, said)
+                where = ", ".join(numbers["approaches"])
+                said = [_said(n, x) for n, x in numbers.items() if n != "approaches"]
+                logger.info("damping by '%s' (%s): %s", term, where, ", ".join(said))
         model = next(iter(self.reduction.models.values()), None)
         if model is not None:
             self.loads = _reduced_loads(model, b, k0)
@@ -209,3 +211,9 @@ def reference_shapes(
         return shapes
 
     return np.asarray(on_first(make, comm))
+
+
+def _said(name: str, value: Any) -> str:
+    """A number of a record for a reader: its unit stands behind it."""
+    end = next((end for end in UNITS if name.endswith(end)), "")
+    return f"{name.removesuffix(end)} = {value}{UNITS.get(end, '')}"

@@ -218,7 +218,7 @@ class ReducedModels:
         changing = any(self._changes_bodies(n) for n in self.by_reduction)
         parameters = brake.changes.parameters if changing else CONSTANT
         if (known := self._known(file)) is not None:
-            logger.info("reduced model: from the cache")
+            logger.info("reduced model: taken from an earlier run")
             return ReducedModel(known, brake.w, band, parameters)
         terms = brake.terms if damped else Terms()
         followed = "N" + "T" * terms.falls + "R" * terms.turns
@@ -233,7 +233,7 @@ class ReducedModels:
         return reduce_bodies(
             bodies, brake.w, band, parameters, followed, stability.tolerance,
             self._cutoff(parameters), usual, self._comm,
-            lambda total: Progress("factors of the reduced model", total).advance,
+            lambda total: Progress("reduced model: factorisations of bodies", total).advance,
             lambda made: self._kept(file, made),
         )  # fmt: skip
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from mpi4py import MPI
 
@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from .solve import More
 
 Array = NDArray[np.float64]
+
+T = TypeVar("T")
 
 VERIFY = "verify"
 # [dofs] below which two processes may share a sample at full order: each holds a factor, and the
@@ -140,18 +142,40 @@ class Study:
     def run(self, first: int | None = None) -> None:
         """Run every sample that is not stored yet; long ones first, then approaches of few samples.
 
+        Those of the verification are left to `verified_beside`, except by a share of a run.
+
         Args:
             first: so many of each approach, without the verification; all if None.
         """
         reduced = self.models.reduction.by_reduction
         tasks = [t for t in self.tasks if first is None or t[1] < first]
-        long = [t for t in tasks if not reduced[t[0]]] + ([] if first else self.verify)
+        long = [t for t in tasks if not reduced[t[0]]] + (
+            [] if first or self.store.share is None else self.verify
+        )
         # One sample that takes long comes before many, which fill the time of the others.
         count = Counter(approach for approach, _ in tasks)
         short = sorted((t for t in tasks if reduced[t[0]]), key=lambda t: count[t[0]])
-        # An equilibrium alone is no work for several processes.
-        paired = self.models.stability is not None and self.brake.K.shape[0] < LARGEST
-        run_ensemble(short, self.work, self.store, self.comm, long, paired=paired)
+        run_ensemble(short, self.work, self.store, self.comm, long, paired=self._paired)
+
+    @property
+    def _paired(self) -> bool:
+        """Whether two processes may share a sample: an equilibrium alone is no work for them."""
+        return self.models.stability is not None and self.brake.K.shape[0] < LARGEST
+
+    def verified_beside(self, works: Sequence[Callable[[], T]]) -> list[T]:
+        """Solve the samples of the verification at full order; other work fills the time.
+
+        Args:
+            works: what processes without such a sample do: no part of the results depends on it.
+
+        Returns:
+            What came of each work, on every process.
+        """
+        parts = ("samples at full order", self.verify), ("pictures and figures", works)
+        what = ", ".join(name for name, there in parts if there)
+        paired = self._paired and not works
+        files = self.store, self.comm
+        return run_ensemble((), self.work, *files, self.verify, what, paired, works)
 
     def work(self, task: Task, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, Any]:
         """Equilibrium and modes of one sample, as arrays to store.
@@ -253,8 +277,8 @@ class Study:
                 suffice.
 
         Returns:
-            The equilibrium, and the modes with vectors in coordinates in which the mass is about
-            the identity.
+            The equilibrium, and the modes, which the mesh can show, with vectors in coordinates in
+            which the mass is about the identity.
         """
         from .solve import full_modes, reduced_modes
 
@@ -269,12 +293,27 @@ class Study:
         reduced = models.reduction.takes(sample)
         sample, eq = self.equilibria.of(sample, reduced, start)
         if reduced:
-            return eq, reduced_modes(models, sample, eq, line)
+            modes = reduced_modes(models, sample, eq, line)
+            known = {"k_vibration": eq.k_vibration, "p": eq.p}
+            known |= {"s": modes.s, "coordinates": modes.right}
+            return eq, replace(modes, on_mesh=partial(self._on_mesh, sample, known))
         modes = full_modes(models, sample, eq)
+        known = {"vectors": modes.right, "vector_mode": np.arange(len(modes))}
         right, left = models.coordinates.of(modes.right), models.coordinates.of(modes.left)
         if right is None or left is None:
             raise ValueError("prepare() made no coordinates")
-        return eq, replace(modes, right=right, left=left)
+        on_mesh = partial(self._on_mesh, sample, known)
+        return eq, replace(modes, right=right, left=left, on_mesh=on_mesh)
+
+    def _on_mesh(
+        self, sample: SampleInput, known: Mapping[str, Any], mode: int
+    ) -> tuple[Any, NDArray[np.complex128]]:
+        """Space of the displacements and those of a mode of a sample; see ``Modes.on_mesh``."""
+        from .solve import displacements
+
+        ((u, _),) = displacements(self.models, [(sample, known, np.array([mode]))], MPI.COMM_SELF)
+        free = self.brake.elastic.free
+        return free.V, free.expand(u[:, 0])
 
     def work_beside(self, what: str, task: Task, values: Mapping[str, float]) -> dict[str, Any]:
         """What an extra computes beside the modes of a sample; arguments as in ``solved``."""

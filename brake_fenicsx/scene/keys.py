@@ -6,7 +6,6 @@ Fields of a dataclass and their metadata are the one source of what is read here
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import json
 import math
@@ -32,6 +31,7 @@ from pydantic import (
 from pydantic import Field as Key
 from typing_extensions import TypedDict
 
+from brake_fenicsx.arguments import likely
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import absent
 
@@ -386,8 +386,7 @@ def _one_of(value: Any, choices: tuple[Any, ...]) -> Any:
 def _similar(word: Any, words: tuple[Any, ...]) -> str:
     if (new := RENAMED.get(str(word))) in words:
         return f"; its name is {new!r} now"
-    likely = difflib.get_close_matches(str(word), map(str, words), 1)
-    return f"; did you mean {likely[0]!r}?" if likely else ""
+    return likely(word, words)
 
 
 def _as_many(value: Any, units: tuple[str, ...]) -> Any:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
+from brake_fenicsx.arguments import likely
 from brake_fenicsx.errors import SceneError
 
 from . import approaches
 from . import parts_section as parts
+from .keys import KeyMistake, dotted
 from .samples_section import (
     ENGINEERING,
     Distribution,
@@ -23,6 +26,9 @@ from .units import to_si
 
 # Key of a scalar that belongs to no table of several.
 SPEED = "motion.speed"
+ALIKE = (
+    0.85  # least likeness of a wrong key to the one that was meant: they have sections in common
+)
 
 
 def changes_bodies(scene: Scene, name: str) -> bool:
@@ -64,6 +70,28 @@ def si_unit(scene: Scene, name: str) -> str:
     if name != SPEED:
         return unit_of(name)
     return "rad/s" if scene.motion is None or scene.motion.direction is None else "m/s"
+
+
+def meant(scene: Scene, name: str) -> str:
+    """The scalar that a wrong key names, "; did you mean ...?"; empty where none is near it."""
+
+    def keys(table: dict[str, Any], *path: str) -> Iterator[str]:
+        for word, value in table.items():
+            if isinstance(value, dict):
+                yield from keys(value, *path, word)
+            else:
+                yield dotted(*path, word)
+
+    written, known = [*keys(scene.table)], list[str]()
+    for key in written:
+        with suppress(SceneError, KeyMistake):
+            unit_of(key)
+            check_scalar(scene, key, key)
+            known.append(key)
+    ends = [key for key in known if key.rpartition(".")[2] == name.rpartition(".")[2]]
+    if name in written:
+        return ""
+    return f"; did you mean {ends[0]!r}?" if len(ends) == 1 else likely(name, known, ALIKE)
 
 
 def check_scalar(s: Scene, where: str, name: str) -> None:

@@ -9,17 +9,16 @@ The rows of a band are chosen among eigenvalues here, rigid modes and divergence
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from brake_fenicsx.display import html_table
-
-if TYPE_CHECKING:
-    import pandas as pd
+from brake_fenicsx.display import Shown, html_table, mesh_grid
+from brake_fenicsx.errors import SceneError
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -54,7 +53,7 @@ class Count:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Modes:
+class Modes(Shown):
     """Complex modes of a band, sorted by frequency, one of each conjugate pair.
 
     Attributes:
@@ -68,6 +67,8 @@ class Modes:
         count: expected number of modes.
         seconds: time [s].
         real: whether symmetry keeps the mode on the imaginary axis (a simple real kappa).
+        on_mesh: gives the space of the displacements and those of a mode, shape (all dofs,); None
+            of matrices alone.
     """
 
     s: Complex
@@ -79,6 +80,7 @@ class Modes:
     count: Count
     seconds: float
     real: NDArray[np.bool_]
+    on_mesh: Callable[[int], tuple[Any, Complex]] | None = None
 
     def __post_init__(self) -> None:
         """An estimate that is no number is none: the error may have any size."""
@@ -103,15 +105,42 @@ class Modes:
         rows = [[i, *cells] for i, cells in enumerate(zip(*columns, strict=True))]
         return html_table(repr(self), heads, rows)
 
-    def to_pandas(self) -> pd.DataFrame:
+    def _columns(self) -> dict[str, Any]:
         """One row for each mode, the columns named as in modes.csv."""
-        import pandas as pd
-
-        return pd.DataFrame({
+        return {
             "frequency_hz": self.frequency, "real_1_s": self.s.real, "damping": self.damping,
             "residual": self.residual, "error_estimate": self.error, "condition": self.condition,
             "verdict": self.verdict,
-        })  # fmt: skip
+        }  # fmt: skip
+
+    def _draw(self, *axes: Any) -> None:
+        """Damping over frequency; unstable modes are coloured."""
+        unstable, khz = np.array(self.verdict) == "unstable", 1e-3 * self.frequency
+        axes[0].plot(khz[~unstable], self.damping[~unstable], "o", color="0.6", ms=4)
+        axes[0].plot(khz[unstable], self.damping[unstable], "D", color="C3", label="unstable")
+        axes[0].axhline(0.0, color="0.3", lw=0.6)
+        axes[0].set(xlabel="frequency [kHz]", ylabel=r"damping $-2\,\alpha/|\omega|$ [-]")
+        if unstable.any():
+            axes[0].legend()
+
+    def to_pyvista(self, mode: int) -> Any:
+        """Shape of a mode on the mesh.
+
+        Args:
+            mode: its row.
+
+        Returns:
+            A grid of pyvista with the point data "re" and "im", the largest displacement 1; at the
+            phase ``theta`` its points move by a share of ``re cos(theta) - im sin(theta)``.
+
+        Raises:
+            SceneError: no such mode, or modes of matrices alone.
+        """
+        if self.on_mesh is None:
+            raise SceneError("to_pyvista: modes of matrices have no mesh; take those of a model")
+        if mode not in range(len(self)):
+            raise SceneError(f"to_pyvista: mode {mode!r}: there are 0 to {len(self) - 1}")
+        return mesh_grid(*self.on_mesh(int(mode)))
 
     @property
     def frequency(self) -> Array:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.display import html_table
+from brake_fenicsx.display import Shown, html_table
 
 if TYPE_CHECKING:
     from brake_fenicsx.sweeps.events import Event
@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(repr=False, eq=False)
-class Branches:
-    """Modes followed over a scalar of the scene.
+class Branches(Shown):
+    """Modes followed over a scalar of the scene; ``plot`` takes two axes.
 
     Attributes:
         values: of the scalar, SI, shape (values,).
@@ -39,6 +39,7 @@ class Branches:
     ends: list[str]
     name: str = ""
     threshold: float = 0.0
+    PANELS: ClassVar[int] = 2
 
     def __repr__(self) -> str:
         """One line."""
@@ -54,19 +55,17 @@ class Branches:
         heads = ("event", self.name or "value", "frequency [Hz]", "alpha [1/s]")
         return html_table(repr(self), heads, rows)
 
-    def plot(self, axes: Any = None) -> Any:
-        """Draw frequency and damping over the scalar; branches that squeal are coloured.
+    def _columns(self) -> dict[str, Array]:
+        """One row for each branch at each value where it is in the band."""
+        branch, at = np.nonzero(np.isfinite(self.frequency))
+        f, damping = self.frequency[branch, at], self.damping[branch, at]
+        return {
+            "branch": branch, "value": self.values[at], "frequency_hz": f, "damping": damping,
+            "real_1_s": -np.pi * f * damping,
+        }  # fmt: skip
 
-        Args:
-            axes: two axes of Matplotlib, made if not given.
-
-        Returns:
-            The two axes.
-        """
-        if axes is None:
-            import matplotlib.pyplot as plt
-
-            _, axes = plt.subplots(2, 1, sharex=True, constrained_layout=True)
+    def _draw(self, *axes: Any) -> None:
+        """Frequency and damping over the scalar; branches that squeal are coloured."""
         for f, damping in zip(self.frequency, self.damping, strict=True):
             loud = bool(np.any(damping < -self.threshold))
             style: dict[str, Any] = {} if loud else {"color": "0.75", "lw": 0.8, "zorder": 1}
@@ -78,4 +77,3 @@ class Branches:
         axes[1].set(xlabel=self.name, ylabel=r"damping $-2\,\alpha/|\omega|$ [-]")
         if axes[1].get_legend_handles_labels()[1]:
             axes[1].legend()
-        return axes

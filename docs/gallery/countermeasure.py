@@ -33,7 +33,7 @@ for row in rows:
     print(row["key"], row["value_scene"], "->", row["smallest_value"], row["note"] or "")
 # -
 
-# Share of the samples in which the worst family squeals, with 95 % intervals. Where no value is
+# Share of the samples in which the worst family squeals, with 90 % intervals. Where no value is
 # enough, the share is that at the farthest acceptable value.
 
 # +

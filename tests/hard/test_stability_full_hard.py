@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
+from scipy.optimize import linear_sum_assignment
+from scipy.stats import ortho_group
 
 import sliding_layer as layer
 from brake_fenicsx import prepare
-from brake_fenicsx.errors import BrakeError, SceneError
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.stability import complex_modes, contact_interface
 from brake_fenicsx.stability.full import dense as small
 from dense_reference import all_damped
@@ -264,25 +266,38 @@ def test_damped_mode_just_beyond_the_band(above):
     np.testing.assert_allclose(m.s, exact, rtol=1e-9)
 
 
-@pytest.mark.parametrize("excess", [-1e-8, 0.0, 1e-8])
-def test_exceptional_point_in_a_large_problem(excess):
-    """A pair at the onset of flutter among 400 modes: neutral or correct, large condition."""
-    n, d = 400, 1e-3
-    a = d * (1 + excess)
-    K = sp.lil_matrix((n, n))
-    K.setdiag(np.r_[1 + d, 1 - d, np.linspace(1.5, 80.0, n - 2)])
-    K[0, 1], K[1, 0] = a, -a
-    K = K.tocsr()
-    try:
-        m = complex_modes(one(n), None, K, (0.0, 0.25), frictionless=sp.diags(K.diagonal()).tocsr())
-    except BrakeError as error:
-        assert "left" in str(error) or "edge" in str(error)
-        return
-    pair = np.argsort(np.abs(m.s - 1j))[:2]
-    assert np.all(m.condition[pair] > 1e3)
-    assert np.all(np.abs(m.s[pair] - 1j) < 1e-6)
-    grows = excess > 0 and abs(np.sqrt(1j * d * np.sqrt(2 * excess)).real) > 1e-6
-    assert grows or all(m.verdict[i] != "unstable" for i in pair)
+def mixed(n, rng):
+    """Rotation of n coordinates, each with its neighbours."""
+    turns = [sp.block_diag([np.eye(first), *ortho_group.rvs(4, n // 4 - 1, rng), np.eye(4 - first)])
+             for first in (1, 3)]  # fmt: skip
+    return (turns[0] @ turns[1]).tocsr()
+
+
+@pytest.mark.parametrize("n", [16, 400])
+@pytest.mark.parametrize("damping", [(0.0, 0.0), (0.02, 0.01), (-0.02, 0.01)])
+@pytest.mark.parametrize("excess", [-1e-9, 0.0, 1e-12, 1e-6])
+def test_exceptional_points_of_two_and_of_three_modes(n, damping, excess):
+    """A pair beside a bystander, and a triple: errors within their estimates, no wrong verdict."""
+    d, (a, b) = 1e-2, damping
+    pair = [[1 + d, d * (1 + excess)], [-d * (1 + excess), 1 - d]]
+    triple = 1.5 * np.eye(3) + d * np.array([[0, 1, 0], [0, 0, 1], [excess, 0, 0]])
+    rest = np.linspace(3.0, 80.0, n - 6)
+    K = sp.block_diag([pair, [[1.0]], triple, sp.diags(rest)])
+    Q = mixed(n, np.random.default_rng(1))
+    K, smooth = (Q.T @ A @ Q for A in (K, sp.diags(K.diagonal())))
+    C = (a * one(n) + b * K).tocsr() if b else None
+    m = complex_modes(one(n), C, K.tocsr(), (0.0, 1.5 / TWO_PI), frictionless=smooth.tocsr())
+    root = d * np.sqrt(-excess * (2 + excess) + 0j)
+    cubic = d * np.cbrt(excess) * np.exp(TWO_PI / 3 * 1j * np.arange(3))
+    kappa = np.r_[1 + root, 1 - root, 1, 1.5 + cubic]
+    c = 0.5 * (a + b * kappa)
+    exact = -c + 1j * np.sqrt(kappa - c**2)
+    rows, columns = linear_sum_assignment(np.abs(m.s[:, None] - exact))
+    assert len(m) == 6 == m.count.expected and m.count.kind == "proven"
+    off, exact = np.abs(m.s[rows] - exact[columns]), exact[columns]
+    assert np.all(off <= m.error) and np.sum(m.condition > 600) >= 5
+    for mode, verdict in zip(exact, m.verdict, strict=True):
+        assert verdict != ("stable" if mode.real > 1e-6 * abs(mode) else "unstable")
 
 
 @pytest.mark.parametrize("band", [(2.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (np.nan, 1.0)])

@@ -86,6 +86,23 @@ def test_two_doublets_cross_at_one_value():
         assert np.all(moved > 0) or np.all(moved < 0)
 
 
+@pytest.mark.parametrize("radius", [0.1, 1e-3])
+@pytest.mark.parametrize(("centre", "swapped"), [(MERGED, True), (MERGED - 0.15, False)])
+def test_friction_damping_and_modulus_around_an_exceptional_point(radius, centre, swapped):
+    """One round about it exchanges two modes, two rounds do not, nor does one beside it."""
+
+    def model(rounds):
+        c, s = np.cos(2 * np.pi * rounds), np.sin(2 * np.pi * rounds)
+        M, C, K = hoffmann(centre + radius * c, 0.05 + radius * s * np.array([1, -1]))
+        return M, C, (1 + 0.1 * s) * K
+
+    for rounds in (1, 2):
+        followed = follow(solver(model), np.linspace(0, rounds, 8 * rounds + 1), WIDE)
+        first, last = np.array([followed.s(b)[[0, -1]] for b in followed.branches]).T
+        wanted = first[::-1] if swapped and rounds == 1 else first
+        np.testing.assert_allclose(last, wanted, rtol=1e-9)
+
+
 @pytest.mark.parametrize("coupling", [1e-3, 1e-5, 1e-7])
 def test_weak_veering_never_leaves_a_gap_or_a_jump(coupling):
     """A veering narrower than the smallest step counts as a crossing: smooth branches."""

@@ -2,15 +2,20 @@
 
 from pathlib import Path
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
+from brake_fenicsx.build.values import quantile
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.samples.designs import correlation_root
+from brake_fenicsx.results.probabilities import Ensemble, Outcome, find_causes, probability_rows
+from brake_fenicsx.samples.designs import correlated, correlation_root
 from brake_fenicsx.samples.random_inputs import draw_inputs, points_of
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.samples_section import Distribution
+from brake_fenicsx.scene.samples_section import Distribution, Samples
 
 SCENE = Path(__file__).parents[2] / "scripts" / "scenes" / "squealing_block.toml"
 C33, C44 = (f"materials.lining.{name}" for name in ("C33", "C44"))
@@ -73,3 +78,31 @@ def test_a_correlation_with_itself_is_named():
         correlation_root({"a": law, "b": law}, "random")
     with pytest.raises(SceneError, match=r"is no random input; others are c$"):
         correlation_root({"b": law, "c": law}, "random")
+
+
+@pytest.mark.hard
+@pytest.mark.parametrize("r", [-0.9, 0.0, 0.6, 0.999])
+def test_probability_and_index_of_dependent_inputs(r):
+    """Both beyond their medians, one truncated, one of two values: P = 1/4 + asin(r) / (2 pi).
+
+    Growth by the score of the first alone: the index of the second is r^2, no shares are given.
+    """
+    n, names = 4000, (FRICTION, C33)
+    laws = {
+        FRICTION: Distribution("normal", 0.45, 0.05, 0.35, 0.6, correlation={C33: r} if r else {}),
+        C33: Distribution("measured", values=(2e9, 3e9)),
+    }
+    root = correlation_root(laws, "random")
+    u = np.array([correlated(row, root) for row in np.random.default_rng(4).random((n, 2))])
+    x = np.column_stack([quantile(laws[name], v) for name, v in zip(names, u.T, strict=True)])
+    both = (x[:, 0] > quantile(laws[FRICTION], 0.5)) & (x[:, 1] > 2.5e9)
+    growths = both * 1.0, 10 + ndtri(u[:, 0])
+    found = [Outcome("band", "0-1", 0.5, growth, -growth) for growth in growths]
+    e = Ensemble("joint", names, np.column_stack([x[:, 0], u[:, 1]]), both >= 0, tuple(found))
+    samples = Samples(approaches=("joint",), random=laws)
+    find_causes(samples, [e], MPI.COMM_SELF)
+    row, _ = probability_rows(samples, [e])
+    exact = 0.25 + np.arcsin(r) / (2 * np.pi)
+    assert abs(row.probability - exact) < 5 * np.sqrt(exact * (1 - exact) / n)
+    np.testing.assert_allclose(e.causes[1].growth.first, [1, r**2], atol=0.05)
+    assert (row.share_rest is None) == (r != 0)

@@ -41,6 +41,8 @@ _SKIN = re.compile(r"(?:S|M3D|CPS|SFM3D|STRI)([3468])[RSW5]*")
 # Elements without stiffness or mass in a deck of solids: they mark faces and edges at most.
 _MARKS = ("CPS", "SFM")
 _DATA = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
+# A keyword or numbers, which do not go on with the keyword of the line before.
+_DATA_LINE = re.compile(r"\*|\s*[-+.]?\d")
 # Files that a deck may include, and numbers that a range of a set may have.
 MOST_FILES, MOST_NUMBERS = 1000, 10**7
 # Blocks with an end of their own.
@@ -143,12 +145,7 @@ def _lines(path: Path, chain: tuple[Path, ...] = (), opened: Any = None) -> Iter
         raise SceneError(f"{path}: includes itself, or more than {MOST_FILES} files")
     with reading(path, "as text"):
         text = path.read_text("utf-8", "replace")
-    lines = enumerate(text.splitlines(), 1)
-    for number, line in lines:
-        if line.startswith("**") or not line.strip():
-            continue
-        while line[0] == "*" and line.rstrip().endswith(",") and (more := next(lines, None)):
-            line = line.rstrip() + more[1]
+    for number, line in _whole_keywords(text):
         if line[0] == "*" and (block := _block(line, "")).keyword == "INCLUDE":
             named = path.parent / block.options.get("INPUT", "")
             yield from _lines(named, (*chain, path.resolve()), opened)
@@ -158,9 +155,29 @@ def _lines(path: Path, chain: tuple[Path, ...] = (), opened: Any = None) -> Iter
         yield ["", ""]
 
 
+def _whole_keywords(text: str) -> Iterator[tuple[int, str]]:
+    """Lines that say something, with their numbers, and each keyword in one.
+
+    After a comma it goes on in the next line in Abaqus, not in CalculiX 2.20.
+    What begins as a number is data in both.
+    """
+    first, word = 0, ""
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.startswith("**") or not line.strip():
+            continue
+        if word[:1] == "*" and word.endswith(",") and not _DATA_LINE.match(line):
+            word += line.strip()
+            continue
+        if word:
+            yield first, word
+        first, word = number, line.rstrip()
+    if word:
+        yield first, word
+
+
 def _block(line: str, at: str) -> DeckKeyword:
     """A keyword and its options."""
-    first, *words = line[1:].split(",")
+    first, *words = line[1:].rstrip(" ,").split(",")
     pairs = (word.partition("=") for word in words)
     options = {"".join(n.split()).upper(): value.strip().strip('"') for n, _, value in pairs}
     return DeckKeyword(keyword_of(first), options, [], line.strip(), at)
@@ -307,10 +324,19 @@ def _elements(deck: _AbaqusDeck, block: DeckKeyword) -> None:
             deck.blocks.append(replace(block, scope=scope.name))
         return
     nodes = int((solid or skin)[1])  # type: ignore[index]
-    words = [int(word) for row in block.rows for word in row if word]
-    if len(words) % (nodes + 1):
+    rows, words = list[list[int]](), list[int]()
+    for row in block.rows:
+        begun = len(words)
+        words += [int(word) for word in row if word]
+        if begun and len(words) > nodes + 1:
+            break
+        if len(words) > nodes:
+            rows.append(words[: nodes + 1])
+            words = []
+    if words:
         raise SceneError(f"a row has not {nodes} nodes; is the file whole?")
-    table = np.array(words, dtype=np.int64).reshape(-1, nodes + 1)
+    # Numbers after the nodes of an element mean nothing.
+    table = np.array(rows, dtype=np.int64).reshape(-1, nodes + 1)
     if nodes == 27:
         table[:, 1:] = table[:, 1:][:, _VTK27]
     cells = scope.solids if kind else scope.skins

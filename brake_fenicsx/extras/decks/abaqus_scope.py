@@ -134,7 +134,8 @@ class Scope:
         kind, nodes = self.solids[number]
         faces = {f"S{i}": face for i, face in enumerate(_faces(kind), 1)}
         if side not in faces:
-            raise SceneError(f"surface {name!r}: face {side!r}; write S1 to S{len(faces)}")
+            said = f"write S1 to S{len(faces)}" if faces else f"no scene has cells of kind {kind}"
+            raise SceneError(f"surface {name!r}: face {side!r}; {said}")
         return [nodes[i] for i in faces[side]]
 
     def take(self, other: Scope, turn: Array, shift: Array) -> None:

@@ -14,15 +14,20 @@ SUPPORTED = argument("--supported", action="store_true", help="with the supports
 @command(
     SCENE, SET, ALLOW,
     argument("test", metavar="TEST.unv", complete="file",
-             help="universal file: nodes and modes (55)"),
+             help="universal file: nodes and modes (55) or frequency responses (58); or a table of"
+             " points, for responses of the model alone"),
     PART, SUPPORTED, folder_of("correlation"),
 )  # fmt: skip
 def correlate(options: Any, comm: Any) -> str:
-    """Compare the modes of a part of a scene with those of a modal test: frequencies and MAC."""
-    from .study import correlate as compared
+    """Compare modes or frequency responses of a part of a scene with those of a modal test."""
+    from .response_study import studies
 
     given = options.scene, options.test, options.part, options.supported
-    return compared(*given, options.directory, options.set, write=comm.rank == 0)
+    write = comm.rank == 0
+    return "\n\n".join(
+        study(*given, options.directory, options.set, write=write)
+        for study in studies(options.test)
+    )
 
 
 @command(
@@ -35,6 +40,8 @@ def correlate(options: Any, comm: Any) -> str:
              help="standard deviation of each constant around the scene's; %(default)s"),
     argument("--error", type=float, default=0.5, metavar="PERCENT",
              help="standard deviation of a frequency, model and measurement; %(default)s"),
+    argument("--write", metavar="FILE.toml", complete="file", help="put the identified constants"
+             " into the scene file: the scene itself, or a new file beside it"),
     PART, SUPPORTED, folder_of("identified"),
 )  # fmt: skip
 def identify(options: Any, comm: Any) -> str:
@@ -44,7 +51,7 @@ def identify(options: Any, comm: Any) -> str:
     return identified(
         options.scene, options.peaks, options.part, options.material, options.supported,
         0.01 * options.prior, 0.01 * options.error, options.directory, options.set,
-        comm.rank == 0,
+        comm.rank == 0, options.write,
     )  # fmt: skip
 
 

@@ -22,6 +22,7 @@ from brake_fenicsx.scene import Scene, read_scene
 from .peaks import Peaks, read_peaks
 from .posterior import Posterior, VariedBody, fill_basis, identified
 from .study import beside, part_name
+from .written_back import target, with_constants, write_text
 
 Array = NDArray[np.float64]
 # Modes are computed up to this multiple of the highest peak, and no more than so many.
@@ -45,6 +46,7 @@ def identify(
     directory: str | Path | None = None,
     overrides: Sequence[str] = (),
     write: bool = True,
+    updated: str | Path | None = None,
 ) -> str:
     """Identify the constants of a material from the resonances of a part.
 
@@ -60,6 +62,8 @@ def identify(
             the working directory if not given.
         overrides: "key=value" replacements in the scene.
         write: whether this process writes the files.
+        updated: file that gets the text of the scene with the identified constants: the scene's
+            own, or a new one beside it.
 
     Returns:
         Tables for the terminal.
@@ -74,7 +78,10 @@ def identify(
     material = _material(parsed, part, material)
     specimens = read_peaks(peaks)
     highest = BEYOND * max(s.frequency[-1] for s in specimens)
+    scene_file = None if updated is None else target(parsed, updated)
     body = VariedBody(parsed, part, material, highest, supported)
+    if scene_file is not None:  # refused before it takes time
+        with_constants(parsed, material, dict(zip(body.names, np.exp(body.nominal), strict=True)))
     where = f"{peaks}: part {part!r}"
     if (count := body.count()) > MOST_MODES:
         raise SceneError(
@@ -98,10 +105,17 @@ def identify(
         write_rows(folder / "peaks.csv", PEAKS, rows)
         with whole_file(folder / "random.toml") as file:
             file.write_text(block, encoding="utf-8")
-    return "\n".join(
-        [text_table(PEAKS, rows), "", text_table(CONSTANTS, shown), *_undetermined(shown), "",
-         block, f"wrote {folder / 'random.toml'}"]
-    )  # fmt: skip
+    said = [text_table(PEAKS, rows), "", text_table(CONSTANTS, shown), *_undetermined(shown), ""]
+    said += [block, f"wrote {folder / 'random.toml'}"]
+    if scene_file is not None:
+        values = dict(zip(body.names, np.exp(theta), strict=True))
+        if parsed.materials[material].loss and np.isfinite(losses).any():
+            values["loss"] = np.nanmean(losses)
+        text = with_constants(parsed, material, values)
+        if write:
+            write_text(scene_file, text)
+        said.append(f"wrote the constants into {scene_file}")
+    return "\n".join(said)
 
 
 def _material(scene: Scene, part: str, name: str | None) -> str:

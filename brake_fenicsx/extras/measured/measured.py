@@ -94,7 +94,7 @@ def read_modes(path: str | Path) -> ModalTest:
         raise SceneError(
             f"{file}: contains no nodes (dataset 15 or 2411); export the geometry of the test too"
         )
-    place = _nodes(file, sets)
+    place = nodes_of(file, sets)
     labels = sorted(set[int].intersection(*({*mode.shape} for mode in modes)))
     without = [n for n in labels if n not in place]
     if without or not labels:
@@ -177,7 +177,7 @@ def _systems(
     return found
 
 
-def _nodes(file: Path, sets: list[dict[str, Any]]) -> dict[int, tuple[Array, Array]]:
+def nodes_of(file: Path, sets: list[dict[str, Any]]) -> dict[int, tuple[Array, Array]]:
     """Position [m] and displacement axes, as rows, of every node.
 
     Dataset 15 has coordinates in the definition system, 2411 in global axes.

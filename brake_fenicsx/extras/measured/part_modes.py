@@ -76,7 +76,7 @@ def part_modes(
         SceneError: the part cannot be built.
         InaccurateResult: its stiffness is indefinite, or modes are missing.
     """
-    mesh, elastic = part_body(scene, name, near, supported)
+    mesh, elastic, _ = part_body(scene, name, near, supported)
     where = f"{scene.file}: parts.{name}"
     frequency, shapes, rigid = elastic_modes(where, elastic.K, elastic.M, highest)
     return PartModes(frequency, shapes, rigid, mesh, elastic.free)
@@ -84,8 +84,8 @@ def part_modes(
 
 def part_body(
     scene: Scene, name: str, near: Array, supported: bool = False
-) -> tuple[Mesh, Elastic]:
-    """Mesh and matrices of a part by itself; see ``part_modes``."""
+) -> tuple[Mesh, Elastic, Scene]:
+    """Mesh and matrices of a part by itself, and the scene of it; see ``part_modes``."""
     try:
         raw = _body(_raw_mesh(scene, name), name, near)
         mesh = tagged_mesh(lambda: raw, MPI.COMM_SELF, mesh_settings(scene))
@@ -103,7 +103,7 @@ def part_body(
     M = elastic.M.copy()
     # The three components of a displacement share no mass: two thirds of the pattern.
     M.eliminate_zeros()
-    return mesh, replace(elastic, M=M)
+    return mesh, replace(elastic, M=M), alone
 
 
 def elastic_modes(
@@ -171,18 +171,25 @@ def shapes_at(modes: PartModes, points: Array) -> tuple[Array, Array, Array]:
         Displacements, shape (points, 3, modes); distances to the surface [m], shape (points,);
         largest distance of a node of the facet there from its centre [m], likewise.
     """
-    domain = modes.mesh.domain
+    rows, distance, size = surface_rows(modes.mesh, modes.free, points)
+    return (rows @ modes.shapes).reshape(len(points), 3, -1), distance, size
+
+
+def surface_rows(mesh: Mesh, free: FreeDofs, points: Array) -> tuple[sp.csr_matrix, Array, Array]:
+    """Displacements there, shape (3 points, dofs), and distances and sizes; see ``shapes_at``."""
+    domain = mesh.domain
     domain.topology.create_connectivity(2, 3)
     tags = compat.meshtags(domain, 2, exterior_facet_indices(domain.topology), 1)
-    whole = replace(modes.mesh, facet_tags=tags, faces={"boundary": 1})
-    face = gather_face(whole, modes.free, "boundary")
+    whole = replace(mesh, facet_tags=tags, faces={"boundary": 1})
+    face = gather_face(whole, free, "boundary")
     facet, local = _closest(face, points)
-    # The last row, which column -1 takes, is of held dofs.
-    padded = np.vstack([modes.shapes, np.zeros((1, modes.shapes.shape[1]))])
-    shape = face.element.shape(local)
-    values = np.einsum("na,nacm->ncm", shape, padded[face.columns[facet]])
+    shape, columns = face.element.shape(local), face.columns[facet]
+    row = np.broadcast_to(np.arange(3 * len(points)).reshape(-1, 1, 3), columns.shape)
+    value, held = np.broadcast_to(shape[:, :, None], columns.shape), columns < 0
+    entries = value[~held], (row[~held], columns[~held])
     away = np.einsum("na,nac->nc", shape, face.nodes[facet]) - points
-    return values, np.linalg.norm(away, axis=1), face.radius[facet]
+    rows = sp.csr_matrix(entries, (3 * len(points), free.size))
+    return rows, np.linalg.norm(away, axis=1), face.radius[facet]
 
 
 def _closest(face: Face, points: Array) -> tuple[NDArray[np.int64], Array]:

@@ -86,7 +86,7 @@ class VariedBody:
         if held := [name for name in known if name not in self.names]:
             logger.warning("%s: %s stay as they are: not above zero", self._where, ", ".join(held))
         self.nominal = np.log([usual[name] for name in self.names])
-        mesh, elastic = part_body(scene, part, np.zeros((1, 3)), supported)
+        mesh, elastic, _ = part_body(scene, part, np.zeros((1, 3)), supported)
         self._K, self._M = elastic.K, elastic.M
         entries = moved_entries(scene, material, self.names)
         self._index = tuple(np.array([VOIGT[entry] for entry in entries]).T)

@@ -38,6 +38,10 @@ LEAST, FARTHEST, DOUBLET = 0.5, 2.0, 5e-3
 SEEN = 0.1
 # Modes are computed up to this multiple of the highest measured frequency.
 BEYOND = 1.3
+REMEDY = (
+    "correct the unit (dataset 164, metres if there is none), or give nodes in the axes of the"
+    " scene"
+)
 COLUMNS = (
     "test_mode", "test_frequency_hz", "test_damping_ratio", "model_mode", "model_frequency_hz",
     "difference", "mac", "combined",
@@ -152,7 +156,9 @@ def correlate(
             f" {BEYOND} times the highest measured frequency; check materials and --part"
         )
     values, distance, size = shapes_at(modes, measured.points)
-    _check_distance(measured, name, distance, size)
+    _check_extent(measured, name, size)
+    labels = [f"node {n}" for n in measured.label]
+    check_distance(measured.file, labels, measured.points, name, distance, size)
     values = np.einsum("pac,pcm->pam", measured.axes, values)
     pairs = paired(
         measured.shapes[:, measured.seen], measured.frequency, values[measured.seen].T,
@@ -200,29 +206,38 @@ def part_name(scene: Scene, name: str | None) -> str:
     return name or known[0]
 
 
-def _check_distance(measured: ModalTest, part: str, distance: Array, size: Array) -> None:
-    """Refuse points that do not lie on the part, or all in one place of it.
-
-    Raises:
-        SceneError: a point is off by more than half a facet, or all lie within as much.
-    """
-    remedy = (
-        "correct the unit (dataset 164, metres if there is none), or give nodes in the axes of the"
-        " scene"
-    )
+def _check_extent(measured: ModalTest, part: str, size: Array) -> None:
+    """Refuse points that all lie in one place of the part."""
     extent = float(np.ptp(measured.points, axis=0).max())
     if extent < size.min():
         raise SceneError(
             f"{measured.file}: all nodes lie within {1e3 * extent:.3g} mm, half a facet of part"
-            f" {part!r} ({1e3 * size.min():.3g} mm): {remedy}"
+            f" {part!r} ({1e3 * size.min():.3g} mm): {REMEDY}"
         )
+
+
+def check_distance(
+    file: Path, label: Sequence[object], points: Array, part: str, distance: Array, size: Array
+) -> None:
+    """Refuse points that do not lie on a part.
+
+    Args:
+        file: that has them.
+        label: their names.
+        points: positions [m], shape (points, 3).
+        part: the part.
+        distance: to its surface [m], shape (points,).
+        size: half a facet there [m], shape (points,).
+
+    Raises:
+        SceneError: a point is off by more than half a facet.
+    """
     i = int(np.argmax(distance / size))
     if distance[i] > size[i]:
-        place = ", ".join(f"{1e3 * x:.4g}" for x in measured.points[i])
+        place = ", ".join(f"{1e3 * x:.4g}" for x in points[i])
         raise SceneError(
-            f"{measured.file}: node {measured.label[i]} at ({place}) mm is"
-            f" {1e3 * distance[i]:.4g} mm from the surface of part {part!r}, more than half a facet"
-            f" ({1e3 * size[i]:.3g} mm): {remedy}"
+            f"{file}: {label[i]} at ({place}) mm is {1e3 * distance[i]:.4g} mm from the"
+            f" surface of part {part!r}, more than half a facet ({1e3 * size[i]:.3g} mm): {REMEDY}"
         )
 
 

@@ -25,13 +25,24 @@ def budget(options: Any, comm: Any) -> str:
     return f"open {run_budget(*given)}"
 
 
-@command(SCENE, SET, ALLOW, folder_of("countermeasures"), CACHE, epilog=AFTER_COUNTERMEASURES)
+@command(
+    SCENE, SET, ALLOW, folder_of("countermeasures"), CACHE,
+    argument("--together", nargs=2, metavar="KEY", default=(), help="try two of the scene's"
+             " countermeasures together, on a grid"),
+    argument("--points", type=int, default=6, help="values of each of these; %(default)s"),
+    epilog=AFTER_COUNTERMEASURES,
+)  # fmt: skip
 def countermeasures(options: Any, comm: Any) -> str | None:
     """Find the smallest change of each of the scene's countermeasures that stops the squeal."""
-    from .countermeasures import find_countermeasures
-
     given = options.scene, comm, options.directory, options.set, options.cache
-    page = find_countermeasures(*given)
+    if options.together:
+        from .together import find_together
+
+        page = find_together(*given, options.together, options.points)
+    else:
+        from .countermeasures import find_countermeasures
+
+        page = find_countermeasures(*given)
     if comm.rank > 0 or page is None:
         return None
     return f"open {page}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import gc
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -41,10 +41,15 @@ from brake_fenicsx.scene.units import quantity_text
 
 from .comparison import compare_runs, write_comparison
 from .countermeasure_keys import Countermeasure
-from .countermeasures_page import COLUMNS, countermeasures_text, write_countermeasures
+from .countermeasures_page import (
+    COLUMNS,
+    countermeasures_text,
+    share_cells,
+    write_countermeasures,
+)
 from .page import Row
 from .runs import Runs, or_note
-from .trial import MOST, Trial, Worst, enough, smallest_change, worst_family
+from .trial import MOST, Trial, Worst, few, limits, needed, smallest_change, worst_family
 
 # Values tried from the scene's one outward, and accuracy of the smallest change relative to the
 # whole range.
@@ -82,7 +87,7 @@ class Search:
             )
         for c in named:
             try:
-                check_brake(self.runs.read(self.changes(c, c.stop)), comm)
+                check_brake(self.runs.read(self.changes({c: c.stop})), comm)
             except SceneError as error:
                 raise SceneError(f"{error} (countermeasures.key = {c.key!r}, to)") from None
         samples, stability = self.scene.samples, self.scene.stability
@@ -113,38 +118,39 @@ class Search:
             )
         return dict(stored["found"])
 
-    def changes(self, c: Countermeasure, x: float) -> list[str]:
-        """Replacements that give the scene another value; computed laws follow a modulus.
+    def changes(self, values: Mapping[Countermeasure, float]) -> list[str]:
+        """Replacements that give the scene other values; computed laws follow a modulus.
 
         Raises:
             SceneError: they are those of several materials.
         """
-        scene, out = self.scene, [c.override(self.scene, x)]
-        names = scaled_interfaces(scene) if is_constant(c.key) and scene.micro else []
+        scene, out = self.scene, [c.override(self.scene, x) for c, x in values.items()]
+        constants = {c.key: x for c, x in values.items() if is_constant(c.key)}
+        names = scaled_interfaces(scene) if constants and scene.micro else []
         behind = {law_material(scene, name) for name in names}
-        if split_key(c.key)[1] in behind and scene.micro:
+        if not behind.isdisjoint(split_key(key)[1] for key in constants) and scene.micro:
             if len(behind) > 1:
                 raise SceneError(
                     f"{scene.file}: [micro] is of {' and '.join(sorted(behind))}, and follows none"
                     " of them alone; run both scenes and use brake-fenicsx compare"
                 )
-            stiffer = Values(scene, {c.key: x})
+            stiffer = Values(scene, constants)
             check_values(ROUGH[0], stiffer)
             factor = law_factor(names[0], stiffer)
             given = {"E": scene.micro.E, "hardness": scene.micro.hardness}
             out += [f'micro.{n}="{v * factor!r} Pa"' for n, v in given.items() if v is not None]
         return out
 
-    def _trial(self, c: Countermeasure, worst: Worst) -> Trial:
-        """Samples of a brake that is prepared for all values of a number; collective."""
-        ranges = {c.key: [c.start, c.stop]} if changes_bodies(self.scene, c.key) else {}
+    def trial(self, worst: Worst, *levers: Countermeasure) -> Trial:
+        """Samples of a brake that is prepared for all values of some numbers; collective."""
+        ranges = {c.key: [c.start, c.stop] for c in levers if changes_bodies(self.scene, c.key)}
         if self._latest is None or self._latest[0] != ranges:
             self.release()
             runs = self.runs
             folder = runs.folder / "models" / digest(ranges)[:12]
             model = prepare(runs.file, runs.overrides, folder, runs.cache, ranges, runs.comm)
             self._latest = ranges, model
-        return Trial(self._latest[1].study, worst, self.runs.comm, c.key)
+        return Trial(self._latest[1].study, worst, self.runs.comm, levers[0].key)
 
     def release(self) -> None:
         """Let the brake leave the memory, on all processes together as MPI asks for; collective."""
@@ -157,7 +163,7 @@ class Search:
         found: dict[str, Any] = dict.fromkeys(("first_order", "value", "share"))
 
         def search() -> None:
-            trial, ends = self._trial(c, worst), (c.start, c.stop)
+            trial, ends = self.trial(worst, c), (c.start, c.stop)
             found["first_order"] = on_first(partial(trial.slope, *ends), self.runs.comm)
 
             def outcomes(x: float) -> Iterable[bool]:
@@ -168,10 +174,60 @@ class Search:
             found.update(value=change.value, share=[change.share.hits, change.share.n])
 
         _, note = or_note(search)
-        self.found[c.key] = found | {"note": note}
+        self.keep(c.key, found | {"note": note})
+
+    def keep(self, name: str, found: dict[str, Any]) -> None:
+        """Store what was found, so that it is not looked for again."""
+        self.found[name] = found
         if self.runs.comm.rank == 0:
             content = {"mark": self._mark, "found": self.found}
             Store(self.runs.folder).save_json(OUTCOMES, content)
+
+    def worst(self) -> Worst | None:
+        """Run the scene as it is: its worst family, None where nothing is to stop; collective.
+
+        Raises:
+            BrakeError: the run failed.
+        """
+        before, approach = self.runs.run("before"), self.approach
+        worst = on_first(lambda: worst_family(read_run(before), approach), self.runs.comm)
+        if worst is None or few(worst.count.share.hits, worst.count.share.n):
+            logger.info(
+                "%s: no family squeals in more than %.0f %% of the samples; there is nothing to"
+                " stop", approach, 100 * MOST,
+            )  # fmt: skip
+            return None
+        share = worst.count.share
+        logger.info(
+            "worst family: %.0f Hz, squeals in %d of %d samples", worst.count.frequency, share.hits,
+            share.n,
+        )  # fmt: skip
+        return worst
+
+    def verified(
+        self, name: str, values: Mapping[Countermeasure, float], worst: Worst
+    ) -> tuple[dict[str, Any], list[str]]:
+        """Run the scene with other values; collective.
+
+        Returns:
+            Cells of a table: the share of samples in which the worst family squeals and its ends,
+            that of any family, whether the upper end is small enough, and of how many samples it
+            would be; and notes on the run.
+        """
+        folder, note = or_note(partial(self.runs.run, name, self.changes(values)))
+        if folder is None:
+            return {"verified": "no"}, [f"the run failed: {note}"]
+        before = self.runs.folder / "before"
+        after, loud = on_first(lambda: _compared(before, folder, worst), self.runs.comm)
+        shown = limits(after.hits, after.n)[1] <= MOST
+        notes = ["other modes squeal"] if not few(loud.hits, loud.n) else []
+        if not few(after.hits, after.n):
+            notes = ["the run does not confirm the search"]
+        more = None if shown else needed(after.hits, after.n)
+        return {
+            **share_cells(after), "any_after": loud.value, "verified": "yes" if shown else "no",
+            "samples_needed": more,
+        }, notes  # fmt: skip
 
 
 def find_countermeasures(
@@ -202,19 +258,8 @@ def find_countermeasures(
     """
     folder = Path(directory or f"{Path(scene).stem}-countermeasures")
     search = Search(scene, comm, folder, overrides, cache)
-    before = search.runs.run("before")
-    worst = on_first(lambda: worst_family(read_run(before), search.approach), comm)
-    if worst is None or enough(worst.count.share.hits, worst.count.share.n):
-        logger.info(
-            "%s: no family squeals in more than %.0f %% of the samples; there is nothing to stop",
-            search.approach, 100 * MOST,
-        )  # fmt: skip
+    if (worst := search.worst()) is None:
         return None
-    share = worst.count.share
-    logger.info(
-        "worst family: %.0f Hz, squeals in %d of %d samples", worst.count.frequency, share.hits,
-        share.n,
-    )  # fmt: skip
     named = search.scene.section("countermeasures")
     # All that one brake has come first.
     for c in sorted(named, key=lambda c: changes_bodies(search.scene, c.key)):
@@ -233,29 +278,19 @@ def _row(search: Search, c: Countermeasure, worst: Worst, rank: int) -> Row:
     """One row of the table: the smallest change, and what a run with it says."""
     found = search.found[c.key]
     value, notes = found["value"], [found["note"]] if found["note"] else []
-    after = wilson(*found["share"]) if found["share"] else None
-    loud, verified = None, False
+    row = dict.fromkeys(COLUMNS) | {
+        "rank": rank, "key": c.key, "value_scene": c.start, "value_to": c.stop, "unit": c.unit,
+        "first_order": found["first_order"], "smallest_value": value, "verified": "no",
+        "share_before": worst.count.share.value, "any_before": worst.any.value,
+    }  # fmt: skip
+    if found["share"]:
+        row |= share_cells(wilson(*found["share"]))
     if value is not None:
-        changes = search.changes(c, value)
-        folder, note = or_note(partial(search.runs.run, f"after-{rank}", changes))
-        if folder is None:
-            notes.append(f"the run failed: {note}")
-        else:
-            before = search.runs.folder / "before"
-            after, loud = on_first(lambda: _compared(before, folder, worst), search.runs.comm)
-            verified = enough(after.hits, after.n)
-            if not verified:
-                notes.append("the run does not confirm the search")
-            elif not enough(loud.hits, loud.n):
-                notes.append("other modes squeal")
-    elif after is not None:
+        cells, said = search.verified(f"after-{rank}", {c: value}, worst)
+        row, notes = row | cells, notes + said
+    elif found["share"]:
         notes.append("not sufficient even at the limit; share given for the limit")
-    cells = (
-        rank, c.key, c.start, c.stop, c.unit, found["first_order"], value, worst.count.share.value,
-        *([None] * 3 if after is None else after.cells), worst.any.value, loud and loud.value,
-        "yes" if verified else "no", "; ".join(notes),
-    )  # fmt: skip
-    return dict(zip(COLUMNS, cells, strict=True))
+    return row | {"note": "; ".join(notes)}
 
 
 def _compared(before: Path, after: Path, worst: Worst) -> tuple[Proportion, Proportion]:

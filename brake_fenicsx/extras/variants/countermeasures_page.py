@@ -7,21 +7,22 @@ from pathlib import Path
 
 from brake_fenicsx.report.page_blocks import Table, Text
 from brake_fenicsx.results.answer import share_text
+from brake_fenicsx.results.ensemble_statistics import Proportion
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene.units import quantity_text
 
 from .page import Row, ShareChange, page_of_changes, picture_of
-from .trial import MOST, SURE, Worst, allowed, excluded
+from .trial import MOST, SURE, Worst, allowed, limits
 
 COLUMNS = (
     "rank", "key", "value_scene", "value_to", "unit", "first_order", "smallest_value",
     "share_before", "share_after", "share_after_low", "share_after_high", "any_before",
-    "any_after", "verified", "note",
+    "any_after", "verified", "samples_needed", "note",
 )  # fmt: skip
 HEADS = (
     "rank", "key of the scene", "value now", "acceptable limit",
     "change of damping up to the limit, first order", "smallest sufficient value",
-    "worst family: samples that squeal now", "after the change (95 % interval)",
+    "worst family: samples that squeal now", "after the change (exact 90 % interval)",
     "any family: now", "after the change", "verified by a run", "note",
 )  # fmt: skip
 
@@ -40,7 +41,7 @@ def write_countermeasures(folder: Path, worst: Worst, rows: Sequence[Row]) -> Pa
     write_rows(folder / "countermeasures.csv", COLUMNS, rows)
     family, n = worst.count, len(worst.samples)
     caption = (
-        "Share of samples that squeal now and after each change, with its 95 % interval. Dotted:"
+        "Share of samples that squeal now and after each change, with its 90 % interval. Dotted:"
         f" {100 * MOST:.0f} %."
     )
     lines = [line for row in rows for line in _lines(row)]
@@ -50,13 +51,14 @@ def write_countermeasures(folder: Path, worst: Worst, rows: Sequence[Row]) -> Pa
         [f"Worst family: {family.kilohertz} kHz, squeals in {family.share.hits} of"
          f" {family.share.n} samples of {family.approach}.",
          f"Searched: at most {allowed(n)} of {n} samples squeal; of all, with a confidence of"
-         f" {100 * SURE:.0f} %, at most {100 * excluded(n):.1f} %."],
+         f" {100 * SURE:.0f} %, at most {100 * limits(allowed(n), n)[1]:.1f} %."],
         [
             picture_of(lines, ("now", "after the change"), caption, limit=MOST),
             Text(
                 "For each number of the scene the smallest change that the search found, ranked by"
-                " first-order effect. Verified: in a whole run with the change the worst family"
-                f" squeals in at most {100 * MOST:.0f} % of the samples."
+                " first-order effect. Verified: in a whole run with the change the interval of the"
+                f" worst family lies below {100 * MOST:.0f} %; its upper end is exceeded with a"
+                f" probability of {100 * (1 - SURE):.0f} % at most."
             ),
             Table(HEADS, list(map(_shown, rows))),
         ],
@@ -84,8 +86,21 @@ def _shown(row: Row) -> list[Value]:
         "-" if first is None else f"{first:+.3g}", _quantity(row, "smallest_value"),
         _percent(row["share_before"]), _percent(after[0]) if after[1] is None else
         share_text(*after), _percent(row["any_before"]), _percent(row["any_after"]),
-        row["verified"], row["note"],
+        verified_text(row), row["note"],
     ]  # fmt: skip
+
+
+def share_cells(share: Proportion) -> Row:
+    """Cells of a share after a change, with the ends that the search itself goes by."""
+    ends = limits(share.hits, share.n) if share.n > 1 else (None, None)
+    return dict(zip((f"share_after{end}" for end in ("", "_low", "_high")),
+                    (share.value, *ends), strict=True))  # fmt: skip
+
+
+def verified_text(row: Row) -> str:
+    """Whether a run verifies a change, or how many samples would."""
+    more = row.get("samples_needed")
+    return str(row["verified"]) + (f": {more} samples would show it" if more else "")
 
 
 def _percent(share: float | None) -> str:

@@ -1,7 +1,9 @@
 """Two surfaces or libraries of laws compared: parameters, spectra, stiffness of contact.
 
 A change is judged by the standard errors of both scans, which do not contain how scans of one
-surface differ; for laws the band over scans stands in ``tables/law_support.csv`` of each run.
+surface differ; that of the median of laws is half the distance of the laws whose ranks lie one
+standard deviation of the binomial distribution from the middle. The mean height is left out: its
+zero is that of the instrument.
 """
 
 from __future__ import annotations
@@ -27,16 +29,22 @@ if TYPE_CHECKING:
 
 Runs = tuple[RunData, RunData]
 COLUMNS = (
-    "quantity", "unit", "pressure_Pa", "a", "a_error", "b", "b_error", "ratio",
+    "quantity", "unit", "pressure_Pa", "a", "a_error", "b", "b_error", "ratio", "ratio_error",
     "standard_errors",
 )  # fmt: skip
 HEADS = (
-    "quantity", "A", "standard error", "B", "standard error", "B / A",
+    "quantity", "A", "standard error", "B", "standard error", "B / A", "standard error",
     "difference / standard error", "unit",
 )  # fmt: skip
-# What a library says of its laws at a pressure.
-AT = (("separation", "m", "d"), ("loading stiffness", "Pa/m", "k"),
-      ("stiffness of vibrations", "Pa/m", "v"), ("touching share", "-", "area"))  # fmt: skip
+# What a library says of its laws at a pressure: its name, unit, SI in it, attribute.
+AT = (
+    ("separation", "µm", 1e6, "d"),
+    ("loading stiffness", "N/mm^3", 1e-9, "k"),
+    ("stiffness of vibrations", "N/mm^3", 1e-9, "v"),
+    ("touching share", "-", 1.0, "area"),
+)
+# A difference of more standard errors is said; values that the zero of heights shifts are none.
+SURE, SHIFTED = 3.0, ("mean", "median")
 LOOKS = (BLUE, "-"), (VERMILION, "--")
 CAPTION = (
     "Power spectral density, bearing curve, and median stiffness of small vibrations of the laws"
@@ -56,32 +64,58 @@ def surface_rows(runs: Runs) -> list[list[Value]]:
 
 def _parameters(runs: Runs) -> Iterator[list[Value]]:
     a, b = ({str(row[0]): row for row in parameter_rows(run)} for run in runs)
-    for name in (name for name in a if name in b):
-        (x, ex), (y, ey) = ([_number(v) for v in side[name][1:3]] for side in (a, b))
-        error = None if ex is None or ey is None else float(np.hypot(ex, ey))
-        far = (y - x) / error if x is not None and y is not None and error else None
-        yield [name, str(a[name][3]), None, x, ex, y, ey, _ratio(x, y), far]
+    for name in (name for name in a if name in b and name not in SHIFTED):
+        one, two = ([_number(v) for v in side[name][1:3]] for side in (a, b))
+        yield [name, str(a[name][3]), None, *_beside(*one, *two)]
 
 
 def _laws(runs: Runs) -> Iterator[list[Value]]:
     libraries = [library for run in runs if (library := _library(run)) is not None]
     for p in pressures(runs) if len(libraries) == 2 else []:
         steps = [library.at_pressure(p) for library in libraries]
-        for name, unit, key in AT:
-            x, y = (_median(getattr(at, key)) for at in steps)
-            yield [name, unit, p, x, None, y, None, _ratio(x, y), None]
+        for name, unit, factor, key in AT:
+            one, two = (_median(getattr(at, key), factor) for at in steps)
+            yield [name, unit, p, *_beside(*one, *two)]
+
+
+def _beside(x: float | None, ex: float | None, y: float | None, ey: float | None) -> list[Value]:
+    """Both values with their errors, their ratio with its error, and how far they lie apart."""
+    known = x is not None and y is not None
+    ratio = y / x if known and x else None
+    error = relative = None
+    if known and ex is not None and ey is not None:
+        error = float(np.hypot(ex, ey))
+        relative = float(np.hypot(ex / x, ey / y)) if x and y else None
+    far = (y - x) / error if known and error else None
+    spread = None if ratio is None or relative is None else abs(ratio) * relative
+    return [x, ex, y, ey, ratio, spread, far]
+
+
+def differing(rows: Sequence[Sequence[Value]]) -> str:
+    """What differs by more than some standard errors, in a sentence."""
+    said = []
+    for name, x, _, y, _, ratio, error, far, unit in _cells(rows):
+        if isinstance(far, float) and abs(far) > SURE:
+            times = "" if ratio is None or error is None else f", {ratio:.3g} +- {error:.1g} times"
+            said.append(f"{name} {x:.3g} and {y:.3g} {unit}{times}".replace(" -,", ","))
+    if not any(isinstance(row[-1], float) for row in rows):
+        return ""
+    return (
+        f"A and B differ by more than {SURE:.0f} standard errors in: {'; '.join(said) or 'none'}."
+    )
 
 
 def _number(value: Value) -> float | None:
     return value if isinstance(value, float) else None
 
 
-def _ratio(x: float | None, y: float | None) -> float | None:
-    return y / x if x and y is not None else None
-
-
-def _median(values: NDArray | None) -> float:
-    return float("nan") if values is None else float(np.median(values))
+def _median(values: NDArray | None, factor: float) -> tuple[float | None, float | None]:
+    """Median of laws and its standard error, from the order of their values."""
+    if values is None:
+        return None, None
+    x, n = np.sort(values) * factor, len(values)
+    ends = np.interp(0.5 * (n - 1) + 0.5 * np.sqrt(n) * np.array([-1, 1]), np.arange(n), x)
+    return float(np.median(x)), float(0.5 * np.diff(ends)[0]) if n > 1 else None
 
 
 def pressures(runs: Runs) -> list[float]:
@@ -115,6 +149,7 @@ def surface_blocks(runs: Runs, rows: Sequence[Sequence[Value]]) -> list[Block]:
         " several scans of one surface differ."
     )
     return [
+        *([Text(sentence)] if (sentence := differing(rows)) else []),
         Picture(drawn(lambda: draw_surfaces(runs)), CAPTION),
         Text(f"{text} Laws of contact: {'; '.join(said)}." if said else text),
         Table.without_empty(HEADS, list(_cells(rows))),
@@ -127,7 +162,7 @@ def surface_text(rows: Sequence[Sequence[Value]]) -> str:
     Args:
         rows: of ``surface_rows``.
     """
-    return text_table(HEADS, _cells(rows))
+    return "\n".join([text_table(HEADS, _cells(rows)), differing(rows)]).rstrip()
 
 
 def _cells(rows: Sequence[Sequence[Value]]) -> Iterator[list[Value]]:

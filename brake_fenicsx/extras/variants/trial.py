@@ -8,9 +8,10 @@ The smallest change of a number after which hardly any sample squeals, by search
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from types import MappingProxyType
 
 from mpi4py import MPI
 
@@ -35,6 +36,7 @@ from .comparison import shapes_of
 STEP = 1e-3
 # Share of the samples that may still squeal, and confidence that it is no larger.
 MOST, SURE = 0.05, 0.95
+LONGEST = 20_000  # no longer run is proposed
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,27 +103,34 @@ class Trial:
         if found is None:
             raise ValueError("a scene with a sweep has coordinates")
         self._known = found / np.linalg.norm(found, axis=0)
-        self._points: dict[int, Points] = {}
+        self._points: dict[tuple[int, str], Points] = {}
 
-    def outcomes(self, x: float) -> Iterator[bool]:
+    def outcomes(self, x: float, fixed: Mapping[str, float] | None = None) -> Iterator[bool]:
         """Whether the worst family squeals in each sample at a value; collective.
 
         A sample without an equilibrium counts as one that squeals.
+
+        Args:
+            x: the value.
+            fixed: values of further numbers of the scene.
         """
         samples = self._worst.samples
-        return in_turns(len(samples), lambda i: self._squeals(x, samples[i]), self._comm)
+        return in_turns(
+            len(samples), lambda i: self._squeals(x, samples[i], fixed or {}), self._comm
+        )
 
-    def _squeals(self, x: float, k: int) -> bool:
+    def _squeals(self, x: float, k: int, fixed: Mapping[str, float]) -> bool:
         try:
-            return bool(self._loud(self._state(x, k)))
+            return bool(self._loud(self._state(x, k, fixed)))
         except StorageError:
             raise
         except BrakeError:
             return True
 
-    def _state(self, x: float, k: int) -> State:
-        task = self._worst.count.approach, k
-        return self._points.setdefault(k, Points(self._study, task, self._key))(x)
+    def _state(self, x: float, k: int, fixed: Mapping[str, float] = MappingProxyType({})) -> State:
+        task, other = (self._worst.count.approach, k), repr(sorted(fixed.items()))
+        line = Points(self._study, task, self._key, fixed)
+        return self._points.setdefault((k, other), line)(x)
 
     def _loud(self, state: State) -> list[int]:
         """Modes that squeal and are of the worst family.
@@ -163,26 +172,37 @@ class Change:
     share: Proportion
 
 
-def enough(hits: int, samples: int) -> bool:
-    """Whether so few samples of a run squeal that the family counts as stopped."""
+def few(hits: int, samples: int) -> bool:
+    """Whether at most so large a share of these samples squeals, whatever other ones would do."""
     return hits <= int(MOST * samples)
+
+
+def limits(hits: int, samples: int) -> tuple[float, float]:
+    """Exact interval of a share (C. J. Clopper and E. S. Pearson, Biometrika 26(4), 1934).
+
+    With a confidence of SURE the share of all is at most the upper end, and so at least the lower.
+    """
+    low, high = beta.ppf([1 - SURE, SURE], [hits, hits + 1], [samples - hits + 1, samples - hits])
+    return (float(low) if hits else 0.0), (float(high) if hits < samples else 1.0)
 
 
 def allowed(samples: int) -> int:
     """Samples of a search that may squeal: were MOST of all to squeal, more would, almost surely.
 
-    It is the largest number whose upper limit of confidence (C. J. Clopper and E. S. Pearson,
-    Biometrika 26(4), 1934) is at most MOST; none of too few samples. Where the share falls with the
-    change, values at which more than MOST of all samples squeal pass with a probability of 1 - SURE
-    at most, however many are tried: the samples are the same ones at all of them.
+    It is the largest number whose upper limit is at most MOST; none of too few samples. Where the
+    share falls with the change, values at which more than MOST of all samples squeal pass with a
+    probability of 1 - SURE at most, however many are tried: the samples are the same ones at all of
+    them.
     """
     return int(max(binom.ppf(1 - SURE, samples, MOST) - 1, 0))
 
 
-def excluded(samples: int) -> float:
-    """Share of all samples that a search with so many excludes larger ones of, almost surely."""
-    hits = allowed(samples)
-    return float(beta.ppf(SURE, hits + 1, samples - hits))
+def needed(hits: int, samples: int) -> int | None:
+    """Samples that show a share of at most MOST if as large a share of them squeals; None: none."""
+    n = np.arange(samples, LONGEST)
+    again = np.ceil(n * (hits / samples) - 1e-9)
+    found = np.flatnonzero(again <= binom.ppf(1 - SURE, n, MOST) - 1)
+    return int(n[found[0]]) if found.size else None
 
 
 def smallest_change(

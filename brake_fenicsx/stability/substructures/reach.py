@@ -121,7 +121,7 @@ def higher(
         if np.any(found > orders) and points(found) <= most:
             names = np.array(model.parameters.names or range(orders.size), dtype=str)
             logger.info(
-                "reduced model: errors up to %.0e over the range of %s; once more, of degree %d",
+                "reduced model: errors up to %.0e over the range of %s; made again, of degree %d",
                 lacking.error, ", ".join(names[found > orders]), found.max(),
             )  # fmt: skip
             return np.asarray(found)

@@ -1,11 +1,14 @@
 """Constants from resonances: known truths, the posterior by quadrature, mistakes."""
 
+import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from brake_fenicsx.build.material_table import constants
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.extras.measured.part_modes import part_modes
@@ -19,6 +22,7 @@ from brake_fenicsx.extras.measured.posterior import (
     identified,
     misfit,
 )
+from brake_fenicsx.extras.measured.written_back import with_constants
 from brake_fenicsx.scene import read_scene
 from run_tables import read_rows
 
@@ -341,3 +345,90 @@ def test_a_start_that_leaves_every_material_is_one_that_does_not_settle():
     E, nu = np.exp(end.theta)
     assert pytest.approx(70e9, rel=2e-3) == E and nu == pytest.approx(0.33, rel=2e-2)
     assert np.exp(end.theta + 3 * np.sqrt(np.diag(end.covariance)))[1] < 0.5
+
+
+WRITTEN = {
+    "stiffnesses": ("isotropic", """\
+[materials.steel]
+C11 = "300 GPa"
+[materials.other]  # C11 = "109.26 GPa"
+model = "isotropic"
+rho = "2788 kg/m^3"   # weighed
+C11 = "109.26 GPa"    # as on paper
+C12="55.82 GPa"
+""", {"C11": 1.2345678e11, "C12": 4e10}),
+    "inline": ("isotropic", """\
+materials = { steel = { E = "207 GPa", nu = 0.28 }, other = { nu = 0.3, 'E' = '70000 MPa' } }
+""", {"E": 6.9e10, "nu": 0.33}),
+    "dotted": ("isotropic", """\
+materials.other.E = "7e10 Pa"
+materials.other.nu = 0.3
+materials.steel.E = "207 GPa"
+""", {"E": 6.9e10, "nu": 0.33}),
+    "five": ("transversely-isotropic", """\
+[materials.other]
+model = "transversely-isotropic"   # about z
+E = ["10 GPa", "2 GPa"]
+nu = [0.1, 0.4]
+G = "1 GPa"                        # of G_13
+""", {"E_1": 9e9, "E_2": 8e9, "E_3": 3e9, "nu_12": 0.12, "nu_31": 0.1, "nu_32": 0.09,
+      "G_12": 4e9, "G_13": 1.1e9, "G_23": 1.2e9}),
+}  # fmt: skip
+
+
+def material(path, model, text):
+    """A scene of a material, its file with a byte order mark and line ends of Windows."""
+    path.write_bytes(("\ufeff# a note\r\n" + text.replace("\n", "\r\n")).encode())
+    table = tomllib.loads(text)["materials"]["other"]
+    table = {"model": model, "rho": "1 kg/m^3", **table}
+    return replace(read_scene({"stages": [], "materials": {"other": table}}), file=path)
+
+
+@pytest.mark.parametrize("form", WRITTEN)
+def test_constants_go_back_to_their_places(form, tmp_path):
+    """Read again they are those identified; other lines, and the rest of these, stay."""
+    model, text, values = WRITTEN[form]
+    scene = material(tmp_path / "scene.toml", model, text)
+    new = with_constants(scene, "other", values)
+    old = scene.file.read_bytes().decode()
+    assert new.startswith("\ufeff# a note\r\n") and new.count("\r\n") == old.count("\r\n")
+    for before, after in zip(old.splitlines(), new.splitlines(), strict=True):
+        changed = [n for n in values if re.match(rf"\W*(materials.other.)?{n[0]}", before)]
+        assert before == after or changed or form == "inline" or "model" in before
+        assert before.partition("#")[2] == after.partition("#")[2]
+    again = material(tmp_path / "again.toml", model, new[1:].replace("\r\n", "\n"))
+    found = constants(again.materials["other"])
+    assert {n: found[n] for n in values} == pytest.approx(values, rel=1e-5)
+    steel = tomllib.loads(new[1:])["materials"].get("steel")
+    assert steel == tomllib.loads(old[1:])["materials"].get("steel")
+
+
+def test_a_constant_that_the_file_does_not_write_is_refused(tmp_path):
+    """As one of --set; the file stays as it is."""
+    scene = material(tmp_path / "scene.toml", *WRITTEN["dotted"][:2])
+    with pytest.raises(SceneError, match=r"materials.other.loss: the file does not write it"):
+        with_constants(scene, "other", {"E": 7e10, "loss": 0.1})
+
+
+def test_identify_writes_the_scene(tmp_path, capsys):
+    """A copy beside the scene fits the peaks; another folder and another file are refused."""
+    scene, peaks = tmp_path / "box.toml", tmp_path / "peaks.csv"
+    scene.write_text(BOX.read_text().replace("0.68 mm", "4 mm"))
+    stiff = ["materials.aluminium.C11='120 GPa'", "materials.aluminium.C12='60 GPa'"]
+    truth = part_modes(read_scene(scene, stiff), "box", np.zeros((1, 3)), 230e3).frequency[:10]
+    peaks.write_text("frequency_hz\n" + "\n".join(map(str, truth)))
+    call = ["identify", str(scene), "--peaks", str(peaks), "--error", "0.02", "-o"]
+    call += [str(tmp_path / "out"), "--write"]
+    (tmp_path / "other.toml").touch()
+    for file, said in (("other.toml", "is there already"), ("no/box.toml", "name a file in")):
+        assert main([*call, str(tmp_path / file)]) == 2
+        assert said in capsys.readouterr().err and not (tmp_path / "out").exists()
+    assert main([*call, str(tmp_path / "new.toml")]) == 0
+    assert "0.68" not in scene.read_text() and "109.26 GPa" in scene.read_text()
+    found = read_scene(tmp_path / "new.toml").materials["aluminium"]
+    np.testing.assert_allclose([found.C11, found.C12], [120e9, 60e9], rtol=2e-3)
+    before, after = (f.read_text().splitlines() for f in (scene, tmp_path / "new.toml"))
+    changed = [a for a, b in zip(before, after, strict=True) if a != b]
+    assert [line[:3] for line in changed] == ["C11", "C12"]
+    assert main([*call, str(scene)]) == 0
+    assert scene.read_text() == (tmp_path / "new.toml").read_text()

@@ -49,7 +49,10 @@ def test_smallest_friction_is_that_of_runs_at_this_value_and_before_it(found, tm
     """A run with 1 % of the range less change still squeals, the one with the change does not."""
     out, rows = found
     row = rows[FRICTION]
-    assert 0.05 <= row["smallest_value"] < 0.5 and row["verified"] == "yes"
+    assert 0.05 <= row["smallest_value"] < 0.5
+    # Three samples of which none squeals show nothing.
+    assert row["verified"] == "no" and row["samples_needed"] == 59
+    assert "59 samples would show it" in (out / "countermeasures.html").read_text()
     after = out / f"after-{row['rank']}"
     friction = read_run(after).summary["in_effect"]["contact"]["block_plate"]["friction"]
     assert friction == row["smallest_value"]
@@ -113,6 +116,31 @@ def test_another_mode_that_wakes_is_told(found):
             count = read_run(out / f"after-{row['rank']}").squeal.families("multi-scale")
             told = "other modes squeal" in (row["note"] or "")
             assert told == any(f.share.value > 0.05 for f in count)
+
+
+def test_two_numbers_together_are_those_of_runs(found, tmp_path, capsys):
+    """On the grid of both, against runs; with the folder of the search of single ones."""
+    out = tmp_path / "out"
+    shutil.copytree(found[0], out)
+    more = ["--together", HEIGHT, FRICTION, "--points", "3"]
+    assert main([*words(out, *ROUGH, LEVERS), *more]) == 0
+    rows = {(r["value_1"], r["value_2"]): r for r in read_rows(out / "together.csv")}
+    assert len(rows) == 9 and {r["samples"] for r in rows.values()} == {3}
+    assert rows[0.5, 0.02]["share"] == 1.0 and rows[0.05, 0.03]["share"] == 0.0
+    (best,) = [pair for pair, row in rows.items() if row["smallest"] == "yes"]
+    assert rows[best]["enough"] == "yes"
+    for friction, height in (best, (0.275, 0.02)):
+        folder = tmp_path / f"{friction}"
+        changes = [f"{FRICTION}={friction}", f"{HEIGHT}={height} m"]
+        run(BLOCK, COMM, folder, [*ROUGH, *changes, "countermeasures=[]"])
+        assert loud(out / "before", folder)[0] == rows[friction, height]["share"]
+    page = (out / "together.html").read_text()
+    assert "59 samples would show it" in page and 'href="after-together/compare.html"' in page
+    capsys.readouterr()
+    assert main([*words(out, *ROUGH, LEVERS), "--together", HEIGHT, "no.key"]) == 2
+    assert "name two of the scene's countermeasures" in capsys.readouterr().err
+    assert main([*words(out, *ROUGH, LEVERS), *more[:3], "--points", "1"]) == 2
+    assert "--points 1: give 2 to 50" in capsys.readouterr().err
 
 
 def test_page_holds_table_figure_and_links(found):

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from scipy.stats import beta, binom
 
-from brake_fenicsx.extras.variants.trial import MOST, allowed, enough, excluded, smallest_change
+from brake_fenicsx.extras.variants.countermeasure_keys import Countermeasure
+from brake_fenicsx.extras.variants.together import Grid
+from brake_fenicsx.extras.variants.trial import (
+    MOST,
+    allowed,
+    few,
+    limits,
+    needed,
+    smallest_change,
+)
 
 N, STEPS, ACCURACY = 160, 8, 0.01
 
@@ -64,9 +73,38 @@ def test_samples_that_may_squeal_by_the_binomial_distribution(n):
     hits = allowed(n)
     assert hits == 0 or binom.cdf(hits, n, MOST) < 0.05
     assert binom.cdf(hits + 1, n, MOST) >= 0.05
-    assert (excluded(n) <= MOST) == (n >= 59)
-    assert excluded(n) == pytest.approx(beta.isf(0.05, hits + 1, n - hits))
-    assert binom.cdf(hits, n, excluded(n)) == pytest.approx(0.05)
+    high = limits(hits, n)[1]
+    assert (high <= MOST) == (n >= 59)
+    assert high == pytest.approx(beta.isf(0.05, hits + 1, n - hits))
+    assert binom.cdf(hits, n, high) == pytest.approx(0.05)
+
+
+def test_limits_of_a_share_cover_it_and_say_how_many_samples_are_needed():
+    """Nine of ten intervals hold the true share, one-sided 95 of 100; none of none, all of all."""
+    hits = np.random.default_rng(3).binomial(80, 0.3, 4000)
+    low, high = np.array([limits(int(h), 80) for h in hits]).T
+    assert np.mean(low > 0.3) < 0.06 and np.mean(high < 0.3) < 0.06
+    assert limits(0, 12)[0] == 0.0 and limits(12, 12)[1] == 1.0
+    for h, n in ((0, 12), (1, 60), (3, 80)):
+        more = needed(h, n)
+        again = int(np.ceil(h / n * more - 1e-9))
+        assert (
+            limits(again, more)[1] <= MOST < limits(int(np.ceil(h / n * (more - 1))), more - 1)[1]
+        )
+    assert needed(0, 12) == 59 and needed(10, 100) is None and few(5, 100) and not few(6, 100)
+
+
+def test_the_smallest_change_of_two_numbers():
+    """Least sum of both steps; of equal sums that with fewer samples; none where none is enough."""
+    hits = np.array([[60, 30, 9, 0], [40, 20, 0, 0], [30, 0, 0, 0], [1, 0, 0, 0]])
+    lever, line = Countermeasure("a.b", 1.0), np.linspace(0, 1, 4)
+
+    def smallest(hits):
+        return Grid((lever, lever), (line, line), hits, 60).smallest
+
+    assert smallest(hits) in {(0, 3), (1, 2), (2, 1)}
+    hits[0, 3] = hits[2, 1] = 1
+    assert smallest(hits) == (1, 2) and smallest(hits + 1) is None
 
 
 def found_shares(n, most, seeds=2000):
@@ -85,7 +123,7 @@ def test_a_found_change_is_seldom_too_small_and_its_run_confirms_it(n):
     found, draws = found_shares(n, allowed(n)), np.random.default_rng(1)
     wrong = binom.cdf(allowed(n), n, MOST)
     assert np.mean(found > MOST) == pytest.approx(wrong, abs=0.02) and wrong < 0.05
-    confirmed = np.mean([enough(draws.binomial(n, q), n) for q in found])
+    confirmed = np.mean([few(draws.binomial(n, q), n) for q in found])
     # The true share is beta distributed: expectation of the binomial distribution over it.
     q = (np.arange(2000) + 0.5) / 2000
     weights = beta.pdf(q, allowed(n) + 1, n - allowed(n)) / 2000
@@ -93,7 +131,7 @@ def test_a_found_change_is_seldom_too_small_and_its_run_confirms_it(n):
     assert confirmed > 0.9
     bare = found_shares(n, int(MOST * n))
     assert np.mean(bare > MOST) > 0.5
-    assert np.mean([enough(draws.binomial(n, q), n) for q in bare]) < 0.6
+    assert np.mean([few(draws.binomial(n, q), n) for q in bare]) < 0.6
 
 
 def test_a_search_over_real_samples_has_the_share_of_the_order_statistic():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.cli import main
-from brake_fenicsx.extras.variants.surfaces import pressures, surface_rows
+from brake_fenicsx.extras.variants.surfaces import _median, differing, pressures, surface_rows
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.results.run import read_run
@@ -53,7 +53,33 @@ def test_a_surface_twice_as_high(runs):
     assert rows["S_q", None][7] == pytest.approx(2.0)
     assert rows["S_sk", None][7] == pytest.approx(1.0)
     x, ex, y, ey = rows["S_q", None][3:7]
-    assert rows["S_q", None][8] == pytest.approx((y - x) / np.hypot(ex, ey))
+    assert rows["S_q", None][9] == pytest.approx((y - x) / np.hypot(ex, ey))
+    assert rows["S_q", None][8] == pytest.approx(2.0 * np.hypot(ex / x, ey / y))
+    assert ("mean", None) not in rows and ("median", None) not in rows
+    # As high as it is twice, and no other shape: separations double, too.
+    assert rows["separation", 0.2e6][7] > 1.0
+    said = differing([*rows.values()])
+    assert "S_q" in said and "S_sk" not in said and "+-" in said
+
+
+def test_the_standard_error_of_a_median_is_that_of_its_scatter():
+    """Over many libraries of 101 laws; of normal values sqrt(pi / 2) of that of the mean."""
+    rng, n = np.random.default_rng(0), 101
+    found = np.array([_median(rng.normal(5.0, 2.0, n), 1e-3) for _ in range(3000)])
+    scatter, stated = found[:, 0].std(), np.sqrt(np.mean(found[:, 1] ** 2))
+    assert scatter == pytest.approx(2e-3 * np.sqrt(np.pi / 2 / n), rel=0.05)
+    assert stated == pytest.approx(scatter, rel=0.15)
+    assert _median(np.array([3.0]), 1.0) == (3.0, None) and _median(None, 1.0) == (None, None)
+
+
+def test_units_and_errors_of_a_table(runs):
+    """Separations in um as heights are, stiffnesses as the axis of the picture has them."""
+    rows = {(r[0], r[2]): r for r in surface_rows((read_run(runs / "a"), read_run(runs / "hard")))}
+    at = load_laws(runs / "a" / "laws.npz").at_pressure(2e5)
+    row = rows["separation", 2e5]
+    assert row[1] == "µm" and row[3] == pytest.approx(1e6 * np.median(at.d)) and row[4] > 0
+    row = rows["loading stiffness", 2e5]
+    assert row[1] == "N/mm^3" and row[3] == pytest.approx(1e-9 * np.median(at.k)) and row[8] > 0
 
 
 def test_two_hardnesses_side_by_side(runs, tmp_path, capsys):
@@ -65,7 +91,7 @@ def test_two_hardnesses_side_by_side(runs, tmp_path, capsys):
     (own,) = [r for r in rows if r["quantity"] == "stiffness of vibrations"
               and r["pressure_Pa"] == 0.2e6]  # fmt: skip
     a, b = (np.median(load_laws(runs / n / "laws.npz").at_pressure(2e5).v) for n in ("a", "hard"))
-    assert (own["a"], own["b"], own["ratio"]) == pytest.approx((a, b, b / a))
+    assert (own["a"], own["b"], own["ratio"]) == pytest.approx((1e-9 * a, 1e-9 * b, b / a))
     page = (tmp_path / "compare.html").read_text()
     assert "hardness 200 MPa" in page and "hardness 400 MPa" in page and "<img" in page
 
