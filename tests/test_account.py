@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -13,8 +12,8 @@ from brake_fenicsx.extras.variants.comparison import comparison_text
 from brake_fenicsx.folder.kernels import kernels_in_use
 from brake_fenicsx.petsc import beside_dolfinx
 from brake_fenicsx.results.versions import differences
+from coarse_block import SCENES
 
-SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 COARSE = (
     "contact.block_plate.friction=0.55", "parts.block.size=14 mm", "parts.plate.size=20 mm",
     "stability.band=['0 Hz','16 kHz']",
@@ -38,11 +37,15 @@ FILES = {
 
 @pytest.fixture(scope="module")
 def accounts(tmp_path_factory):
-    """Two accounts: home folder, which is the working directory, and environment of each."""
-    found = {}
+    """Two accounts: home folder, which is the working directory, and environment of each.
+
+    They share compiled forms: with other options for the compiler a form has another name.
+    """
+    found, cache = {}, os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     for name in ("plain", "hostile"):
         home = tmp_path_factory.mktemp(name)
-        found[name] = home, {**os.environ, "HOME": str(home), "OPENBLAS_NUM_THREADS": "1"}
+        own = {"HOME": str(home), "XDG_CACHE_HOME": cache, "OPENBLAS_NUM_THREADS": "1"}
+        found[name] = home, os.environ | own
     home, environment = found["hostile"]
     environment.pop("XDG_CONFIG_HOME", None)
     for name, text in FILES.items():

@@ -260,6 +260,7 @@ def test_values_with_their_units(model):
     table = tomllib.loads(BLOCK.read_text())
     for part in table["parts"].values():
         part["size"] = "20 mm"
+    table["stability"]["band"] = ["0 Hz", "15 kHz"]
     found = sweep(table, PRESSURE, ["0.2 MPa", "5 bar"])
     assert found.values.tolist() == [2e5, 5e5]
 

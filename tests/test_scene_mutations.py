@@ -177,7 +177,7 @@ def test_check_of_damaged_scenes_is_0_or_2(tmp_path, capsys):
     for name, part in COARSE["parts"].items():
         whole["parts"][name] |= part
     path, states = tmp_path / "scene.toml", []
-    for seed in range(10_000, 10_300):
+    for seed in range(10_000, 10_400):
         if not readable(damaged(whole, random.Random(seed)), path):
             continue
         states.append(main(["check", str(path)]))

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.hard
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = [
-    "stages=['equilibrium','stability']", "parts.block.size='18 mm'", "parts.plate.size='20 mm'",
+    "stages=['equilibrium','stability']", "parts.block.size='12 mm'", "parts.plate.size='15 mm'",
     "mesh.cells='hexahedra'", "stability.band=['0 Hz','20 kHz']", "stability.method=reduced",
 ]  # fmt: skip
 HEIGHT, PLATE = "parts.block.height", "parts.plate.height"
@@ -24,18 +24,18 @@ HEIGHT, PLATE = "parts.block.height", "parts.plate.height"
 LINING = """
 stages = ["surface", "equilibrium", "stability", "uncertainty"]
 surface.statistics = { S_q = "1 um" }
-parts.disc = { builder = "disc", size = "60 mm", material = "iron" }
+parts.disc = { builder = "disc", size = "40 mm", material = "iron" }
 supports = { "disc.bore" = "clamped", "pad.ears" = ["x", "y"] }
 loads."pad.piston" = { pressure = "10 bar" }
 motion = { axis = "z", speed = "5 rad/s" }
-stability = { band = ["0 Hz", "8 kHz"], method = "reduced", threshold = 1e-3 }
+stability = { band = ["0 Hz", "9 kHz"], method = "reduced", threshold = 1e-3 }
 samples.n = 2
 samples.random."parts.pad.lining" = { law = "uniform", min = "4 mm", max = "10 mm" }
 
 [parts.pad]
 builder = "pad"
-size = "22 mm"
-plate_size = "24 mm"
+size = "16 mm"
+plate_size = "18 mm"
 lining = "10 mm"
 chamfer = "6 mm"
 chamfer_depth = "4 mm"

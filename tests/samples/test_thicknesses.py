@@ -91,25 +91,27 @@ def test_gyroscopic_term_of_a_thickness_is_that_of_the_scene_written_with_it():
 )
 def test_modes_of_two_thicknesses_and_a_modulus_are_those_of_full_order(damping):
     """At corners, between the anchors, and a little beyond; the scene's own heights too."""
-    box = {HEIGHT: (18e-3, 22e-3), PLATE: (9e-3, 11e-3), C44: (1.0e9, 1.4e9)}
+    box = {HEIGHT: (19e-3, 21e-3), PLATE: (9.5e-3, 10.5e-3), C44: (1.1e9, 1.3e9)}
     prepared = model.prepare(BLOCK, [*COARSE, *damping], parameters=box)
     for values in (
-        {}, {HEIGHT: 18e-3, PLATE: 11e-3}, {HEIGHT: 21.2e-3, PLATE: 9.6e-3, C44: 1.1e9},
-        {HEIGHT: 22.1e-3},
+        {}, {HEIGHT: 19e-3, PLATE: 10.5e-3}, {HEIGHT: 20.6e-3, PLATE: 9.8e-3, C44: 1.15e9},
+        {HEIGHT: 21.05e-3},
     ):  # fmt: skip
         exact = at_full_order(prepared, values)
         assert agrees(prepared.modes(values), exact, 8, 1e-5).max() < 1e-4
 
 
 def test_modes_are_those_of_a_mesh_of_that_thickness():
-    """Full order of the scene written with the height, mesh and all."""
-    box = {HEIGHT: (16e-3, 24e-3), PLATE: (9e-3, 11e-3)}
+    """Full order of the scene written with the height, mesh and all; none has a negative one."""
+    box = {HEIGHT: (18e-3, 22e-3), PLATE: (9e-3, 11e-3)}
     prepared = model.prepare(BLOCK, COARSE, parameters=box)
-    for height, plate in ((23e-3, 9.5e-3), (16e-3, 11e-3)):
+    for height, plate in ((21.5e-3, 9.5e-3), (18e-3, 11e-3)):
         scene = written(height, plate, "stability.method=full")
         exact = model.prepare(BLOCK, scene).modes()
         found = prepared.modes({HEIGHT: height, PLATE: plate})
         np.testing.assert_allclose(found.frequency, exact.frequency, rtol=1e-4)
+    with pytest.raises(SceneError, match=r"parts.block.height = -0.01: must be positive"):
+        prepared.modes({HEIGHT: -0.01})
 
 
 @pytest.mark.slow
@@ -149,8 +151,8 @@ def test_frequencies_of_a_bar_follow_its_length():
         'supports={ "block.top"=["x", "y"], "plate.bottom"="clamped", "block.sides"=["x", "y"] }',
         "stability.band=['0 Hz','40 kHz']", "contact.block_plate.friction=0",
     ]  # fmt: skip
-    prepared = model.prepare(BLOCK, [*COARSE, *bar], parameters={HEIGHT: (80e-3, 120e-3)})
-    for height in (80e-3, 95e-3, 111e-3, 120e-3):
+    prepared = model.prepare(BLOCK, [*COARSE, *bar], parameters={HEIGHT: (95e-3, 120e-3)})
+    for height in (95e-3, 111e-3, 120e-3):
         f = prepared.modes({HEIGHT: height}).frequency
         assert f[f > 1e3][0] == pytest.approx(5000 / (2 * height), rel=1e-4)
 
@@ -181,9 +183,3 @@ def test_a_face_on_the_side_of_the_layer_is_refused():
     spring = 'springs={ "block.sides"={ stiffness=["1 kN/mm", 0, 0] } }'
     with pytest.raises(SceneError, match=r"springs.block.sides: .*lies on the sides of the layer"):
         model.prepare(BLOCK, [*COARSE, spring], parameters={HEIGHT: (18e-3, 22e-3)})
-
-
-def test_a_thickness_must_be_positive():
-    prepared = model.prepare(BLOCK, COARSE, parameters={HEIGHT: (18e-3, 22e-3)})
-    with pytest.raises(SceneError, match=r"parts.block.height = -0.01: must be positive"):
-        prepared.modes({HEIGHT: -0.01})

@@ -37,7 +37,7 @@ STAGES = "stages=['surface','micro','equilibrium','stability']"
 SCENE = [
     STAGES, "surface.statistics={ S_q='1 um' }",
     "micro={ patch='10 mm', pixels=16, laws=3, E='2.3 GPa', nu=0.3 }",
-    "parts.block.size='20 mm'", "parts.plate.size='30 mm'",
+    "parts.block.size='14 mm'", "parts.plate.size='20 mm'",
     'parts.cap={ builder="block", length="30 mm", width="20 mm", height="8 mm", z="20 mm",'
     ' size="20 mm", material="alloy" }',
     'ties={ cap={ faces=["block.top", "cap.bottom"], stiffness="1e16 Pa/m" } }',

@@ -14,9 +14,9 @@ from run_tables import read_columns
 SCENE = Path(__file__).parents[2] / "scripts" / "scenes" / "whole_brake.toml"
 FORCE = 1145.0
 COARSE = [
-    "stages=['equilibrium', 'stability', 'uncertainty']", "parts.disc.size='45 mm'",
-    "parts.inner.size='22 mm'", "parts.inner.plate_size='24 mm'", "parts.outer.size='22 mm'",
-    "parts.outer.plate_size='24 mm'", "stability.band=['0 Hz', '4 kHz']",
+    "stages=['equilibrium', 'stability', 'uncertainty']", "parts.disc.size='30 mm'",
+    "parts.inner.size='16 mm'", "parts.inner.plate_size='18 mm'", "parts.outer.size='16 mm'",
+    "parts.outer.plate_size='18 mm'", "stability.band=['0 Hz', '4 kHz']",
     "samples={ n=2, approaches=['parametric'] }", "stability.verify=0",
     "contact.inner.gap='none'", "contact.outer.gap='none'",
     "contact.inner.law={ p0='1 MPa', u0='5 um' }", "contact.outer.law={ p0='1 MPa', u0='5 um' }",

@@ -151,7 +151,7 @@ def test_free_square_plate_of_kirchhoff(kind, within, tmp_path):
 def brake(order):
     """Disc and pad with a shim, hexahedra, in metres."""
     shapes = {
-        "disc": (disc, disc.Disc(size=26e-3)),
+        "disc": (disc, disc.Disc(size=13e-3)),
         "pad": (pad, pad.Pad(shim=(1e-3,), shape="parallel", size=22e-3, plate_size=22e-3)),
     }
     return raw_mesh(shapes, MeshSettings(cells="hexahedra", order=order))

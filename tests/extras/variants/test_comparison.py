@@ -23,7 +23,7 @@ ROUGH = [
     "surface.statistics={ S_q = '0.05 um' }", "contact.block_plate.gap=hdf",
     "contact.block_plate.law={ p0 = '10 MPa', u0 = '0.05 um' }",
     "stability.band=['0 Hz','30 kHz']", "stability.method=reduced", "samples.n=6",
-    "parts.plate.size='20 mm'",
+    "parts.plate.size='14 mm'",
 ]  # fmt: skip
 
 
@@ -32,9 +32,9 @@ def runs(tmp_path_factory):
     """The block on two meshes, and with a friction at which nothing squeals."""
     out = tmp_path_factory.mktemp("runs")
     for name, change in (
-        ("coarse", ["parts.block.size='14 mm'"]),
-        ("fine", ["parts.block.size='10 mm'"]),
-        ("smooth", ["parts.block.size='14 mm'", "contact.block_plate.friction=0.05"]),
+        ("coarse", ["parts.block.size='10 mm'"]),
+        ("fine", ["parts.block.size='8 mm'"]),
+        ("smooth", ["parts.block.size='10 mm'", "contact.block_plate.friction=0.05"]),
     ):
         run(BLOCK, COMM, out / name, [*ROUGH, *change])
     return out
