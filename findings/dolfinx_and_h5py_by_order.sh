@@ -15,7 +15,7 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 dpkg-query -W python3-dolfinx-real >/dev/null  # Debian's, by apt-get install python3-dolfinx-real
 /usr/bin/python3 -m venv --system-site-packages "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --no-deps --ignore-installed h5py==3.16.0
+PIP_NO_DEPS=1 PIP_IGNORE_INSTALLED=1 "$folder/venv/bin/pip" install --quiet h5py==3.16.0
 cd "$folder"
 cat >first.py <<'PY'
 import h5py

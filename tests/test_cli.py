@@ -345,8 +345,8 @@ def test_table_of_the_log_stands_under_its_heading(tmp_path, monkeypatch):
     for handler in logger.handlers:
         handler.close()
     ends = [line[-4:] for line in (tmp_path / "log.txt").read_text().splitlines()]
-    starts = {len(line) for line in (tmp_path / "log.txt").read_text().splitlines()}
-    assert ends == ["a  b", "1  2"] and len(starts) == 1
+    starts = {len(line) for line in (tmp_path / "log.txt").read_text().splitlines()[-2:]}
+    assert ends[-2:] == ["a  b", "1  2"] and len(starts) == 1
 
 
 def test_words_that_mean_nothing_are_named(capsys):

@@ -68,8 +68,8 @@ def test_true_errors_of_verified_samples_are_compared_with_their_estimates():
         full = {"s": one["s"] + moved, "verdict": one["verdict"], "error": own}
         files = {("parametric", 0): one | {"error": estimate}, ("verify", 0): full}
         store = SimpleNamespace(samples=SimpleNamespace(load=files.get))
-        found = StoredSamples(store, [("parametric", 0)])
-        check = verification(found, [("verify", 0)], "parametric")
+        study = SimpleNamespace(store=store, verify=[("verify", 0)], verified="parametric")
+        check = verification(study)
         assert (check["samples_compared"], check["errors_beyond_estimates"]) == (1, beyond)
         assert check["largest_relative_error"] == pytest.approx(3e-6)
 

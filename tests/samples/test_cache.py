@@ -71,7 +71,7 @@ def test_second_run_takes_from_the_first(folder):
         names = {path.name.rsplit("-", 1)[0] for path in (folder / "cache").iterdir()}
         assert names == {"laws", "dofs", "undamped"}
         log = (folder / "second" / "log.txt").read_text()
-        assert "laws.npz: from" in log and "reduced model: from the cache" in log
+        assert "laws.npz: from" in log and "reduced model: taken from an earlier run" in log
         assert (
             "laws: 1 of" not in log
             and "from the cache" not in (folder / "first/log.txt").read_text()

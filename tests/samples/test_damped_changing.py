@@ -64,7 +64,7 @@ def test_taken_from_the_cache(tmp_path):
     for file in (tmp_path / "samples").iterdir():
         file.unlink()
     run(BLOCK, SELF, tmp_path, changes)
-    assert "reduced model: from the cache" in (tmp_path / "log.txt").read_text()
+    assert "reduced model: taken from an earlier run" in (tmp_path / "log.txt").read_text()
     for one, other in zip(first, stored(tmp_path), strict=True):
         np.testing.assert_array_equal(one["s"], other["s"])
 

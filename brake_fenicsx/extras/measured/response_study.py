@@ -290,7 +290,7 @@ def _cells(asked: Sequence[Response], model: Sequence[Complex]) -> Iterator[list
     for i, (r, H) in enumerate(zip(asked, model, strict=True), start=1):
         for f, h, t in zip(r.frequency, H, r.receptance(r.value), strict=True):
             there = np.isfinite(t)
-            test = [float(t.real), float(t.imag)] if there else [None, None]
+            test: list[Value] = [float(t.real), float(t.imag)] if there else [None, None]
             yield [i, float(f), float(h.real), float(h.imag), *test]
 
 

@@ -168,13 +168,13 @@ def _text(value: float, c: Countermeasure) -> str:
 
 def _write(folder: Path, worst: Worst, grid: Grid, cells: list[Any], ran: bool) -> Path:
     """together.csv and together.html."""
-    rows = []
+    rows: list[list[Value]] = []
     for (i, j), hits in np.ndenumerate(grid.hits):
         pair = [float(v[k]) for v, k in zip(grid.values, (i, j), strict=True)]
         ends = limits(int(hits), grid.samples)
         enough = "yes" if hits <= allowed(grid.samples) else "no"
         best = "yes" if (i, j) == grid.smallest else "no"
-        rows.append([*pair, int(hits), grid.samples, hits / grid.samples, *ends, enough, best])
+        rows.append([*pair, int(hits), grid.samples, float(hits / grid.samples), *ends, enough, best])
     write_rows(folder / "together.csv", COLUMNS, rows)
     family, n = worst.count, grid.samples
     return page_of_changes(

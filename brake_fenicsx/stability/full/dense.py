@@ -76,7 +76,7 @@ def dense_modes(p: SplitProblem, high: float) -> tuple[Complex, Complex, Complex
         # Symmetric but indefinite: real eigenvalues all the same.
         theta = theta.real if p.symmetric and np.all(np.linalg.eigvalsh(B) > 0) else theta
     keep = _with_mass(theta)
-    kappa = sigma + 1 / theta[keep].astype(complex)
+    kappa: Complex = np.asarray(sigma + 1 / theta[keep], dtype=complex)
     return kappa, right[:, keep].astype(complex), left[:, keep].astype(complex)
 
 

@@ -79,7 +79,7 @@ def test_units_and_errors_of_a_table(runs):
     row = rows["separation", 2e5]
     assert row[1] == "µm" and row[3] == pytest.approx(1e6 * np.median(at.d)) and row[4] > 0
     row = rows["loading stiffness", 2e5]
-    assert row[1] == "N/mm^3" and row[3] == pytest.approx(1e-9 * np.median(at.k)) and row[8] > 0
+    assert row[1] == "N/mm³" and row[3] == pytest.approx(1e-9 * np.median(at.k)) and row[8] > 0
 
 
 def test_two_hardnesses_side_by_side(runs, tmp_path, capsys):
