@@ -19,7 +19,7 @@ from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.report.page_blocks import Picture, Table, Text
 from brake_fenicsx.report.style import drawn, new_figure
 from brake_fenicsx.results.answer import share_text
-from brake_fenicsx.results.tables import text_table, write_rows
+from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene.keys import dotted, key_parts
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.units import quantity_text, to_si, usual_unit
