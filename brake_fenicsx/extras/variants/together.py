@@ -174,7 +174,9 @@ def _write(folder: Path, worst: Worst, grid: Grid, cells: list[Any], ran: bool) 
         ends = limits(int(hits), grid.samples)
         enough = "yes" if hits <= allowed(grid.samples) else "no"
         best = "yes" if (i, j) == grid.smallest else "no"
-        rows.append([*pair, int(hits), grid.samples, float(hits / grid.samples), *ends, enough, best])
+        rows.append(
+            [*pair, int(hits), grid.samples, float(hits / grid.samples), *ends, enough, best]
+        )
     write_rows(folder / "together.csv", COLUMNS, rows)
     family, n = worst.count, grid.samples
     return page_of_changes(
