@@ -55,7 +55,7 @@ class Branches(Shown):
         heads = ("event", self.name or "value", "frequency [Hz]", "alpha [1/s]")
         return html_table(repr(self), heads, rows)
 
-    def _columns(self) -> dict[str, Array]:
+    def _columns(self) -> dict[str, NDArray[Any]]:
         """One row for each branch at each value where it is in the band."""
         branch, at = np.nonzero(np.isfinite(self.frequency))
         f, damping = self.frequency[branch, at], self.damping[branch, at]

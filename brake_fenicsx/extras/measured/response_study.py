@@ -195,7 +195,8 @@ def respond(
     ends = np.vstack([forces, seen]).T
     modes, omega, static = real_modes(elastic.K, elastic.M, BEYOND * highest, ends)
     if not asked[0].frequency.size:
-        asked = [_alone(r, band, omega / (2 * np.pi)) for r in asked]
+        hertz: Array = np.asarray(omega / (2 * np.pi), float)
+        asked = [_alone(r, band, hertz) for r in asked]
     f = np.unique(np.concatenate([r.frequency for r in asked]))
     body = _damped(alone, mesh, elastic, modes, omega)
     found = receptances(body, modes, static, forces.T, sp.csr_matrix(seen), f)
@@ -260,13 +261,15 @@ def _inside(file: Path, r: Response, band: tuple[float, ...]) -> Response:
 
 def _damped(scene: Scene, mesh: Mesh, elastic: Elastic, modes: Array, omega: Array) -> Damped:
     """The body with the damping that the scene has of a part which is at rest."""
-    stability, n, ratio = scene.stability, elastic.M.shape[0], np.zeros(0)
+    stability, n = scene.stability, elastic.M.shape[0]
+    ratio: Array = np.zeros(0)
     contact: Any = None
     if stability is not None and (given := stability.damping) is not None:
         own = given.modal.get(next(iter(scene.parts)))
         if own is not None:
             at = ModalRatio(elastic.M, np.array(own.frequency), np.atleast_1d(own.ratio))
-            ratio = 2 * omega * at.at(omega / (2 * np.pi))
+            hertz: Array = np.asarray(omega / (2 * np.pi), float)
+            ratio = np.asarray(2 * omega * at.at(hertz), float)
         at_rest = replace(given, gyroscopic=False)
         scene = replace(scene, stability=replace(stability, damping=at_rest))
     layers = layer_materials(scene, mesh.layers)

@@ -135,7 +135,7 @@ def _grid(
     """Samples that squeal at every pair of values; collective."""
     name = f"{first.key} x {second.key}, {points}"
     known: list[list[int]] = search.found.get(name, {}).get("hits", [])
-    x, y = (np.linspace(c.start, c.stop, points) for c in (first, second))
+    x, y = (np.asarray(np.linspace(c.start, c.stop, points), float) for c in (first, second))
     if len(known) < points:
         trial = search.trial(worst, first, second)
         for value in map(float, y[len(known) :]):

@@ -166,7 +166,7 @@ class Basis:
         sample = model.sample(x, contact)
         found, q, interpolated = model.quotient(sample)
         if holds:
-            stiffness = model.areas(x) * contact.k / model.omega**2
+            stiffness: Array = np.asarray(model.areas(x) * contact.k / model.omega**2, float)
             self._learn(x, sample, stiffness, q, interpolated)
         return model.listed_modes(corrected(found, q, interpolated), zeta_max, start)
 
