@@ -246,7 +246,7 @@ def _shape_works(
         pictures: whether they are drawn.
     """
     store, name, free = study.store, chosen[0].approach, study.brake.elastic.free
-    V, rotors, bodies = free.V, _rotors(study), tied_bodies(study.scene, study.brake)
+    V, rotors = free.V, _rotors(study)
 
     def write() -> None:
         pairs = zip(chosen, shapes, strict=True)
@@ -263,6 +263,7 @@ def _shape_works(
         )
         picture = f"mode_{name}_{hertz}"
         if pictures:
+            bodies = tied_bodies(study.scene, study.brake)
             render_mode(store.path("figures", f"{picture}.png"), V, shape, title, bodies)
             moving = store.path("figures", f"{picture}.webp")
             animate_mode(moving, V, shape, bodies=bodies)
@@ -280,12 +281,13 @@ def _shape_works(
 def tied_bodies(scene: Scene, brake: Brake) -> NDArray[np.intp]:
     """Number of the body of each node, as pictures place them: ties join bodies to one.
 
-    A face may lie on several copies of a part; each copy is glued to what is nearest.
+    A face may lie on several copies of a part; each copy is glued to what is nearest. A body by
+    matrices has no mesh, and is not drawn.
     """
     free = brake.elastic.free
     body = body_of_nodes(free.V)
     found = [np.column_stack([body, body])]
-    for tie in scene.ties.values():
+    for tie in (t for t in scene.ties.values() if {*t.faces} <= {*brake.mesh.faces}):
         first, second = (gather_face(brake.mesh, free, face) for face in tie.faces)
         nearest = KDTree(second.centre).query(first.centre)[1]
         ends = first.number[:, 0], second.number[nearest, 0]

@@ -250,6 +250,11 @@ def test_only_the_common_part_is_glued(caplog):
     z = V.tabulate_dof_coordinates()[:, 2]
     assert len({*drawn}) == 2 and len({*body_of_nodes(V)}) == 3
     assert {*drawn[z > 1e-9]} == {drawn[z.argmax()]} and drawn[z.argmin()] != drawn[z.argmax()]
+    # A face of a body by matrices is none of the mesh, and joins nothing there.
+    (glue,) = scene.ties.values()
+    caliper = replace(glue, faces=("caliper.fingers", glue.faces[1]))
+    apart = tied_bodies(replace(scene, ties={"fingers": caliper}), brake)
+    assert len({*apart}) == 3
 
 
 def test_tied_bodies_are_one_substructure_and_repeat_as_one():
