@@ -169,9 +169,8 @@ class Study:
         """
         parts = ("samples at full order", self.verify), ("pictures and figures", works)
         what = ", ".join(name for name, there in parts if there)
-        paired = self._paired and not works
         files = self.store, self.comm
-        return run_ensemble((), self.work, *files, self.verify, what, paired, works)
+        return run_ensemble((), self.work, *files, self.verify, what, self._paired, works)
 
     def work(self, task: Task, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, Any]:
         """Equilibrium and modes of one sample, as arrays to store.
