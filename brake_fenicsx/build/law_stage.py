@@ -87,12 +87,15 @@ def micro_stage(this: Run, stats: SurfaceStatistics, file: str = "laws.npz") -> 
 def wanted_pressure(this: Run) -> float:
     """Mean pressure up to which laws are made at first [Pa]; infinite for whole laws.
 
-    Whole ones where the scene names their highest pressure, has no brake, or lets patches vibrate
-    beside its samples (limit cycles). Brakes of about one load have one pressure, and so one
-    library: a power of two [MPa].
+    Whole ones where the scene names their highest pressure, has no brake, lets patches vibrate
+    beside its samples (limit cycles), or has elastic laws: single patches of a sample pass the mean
+    many times over, and nearly every law would be made anew. Brakes of about one load have one
+    pressure, and so one library: a power of two [MPa].
     """
     mean, table = _mean_pressure(this), this.scene.micro
     if mean is None or table is None or table.max_pressure is not None:
+        return inf
+    if table.hardness is None:
         return inf
     if beside_samples(this.scene):  # a vibrating patch passes any pressure of the equilibrium
         return inf
