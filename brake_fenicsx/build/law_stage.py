@@ -93,9 +93,7 @@ def wanted_pressure(this: Run) -> float:
     pressure, and so one library: a power of two [MPa].
     """
     mean, table = _mean_pressure(this), this.scene.micro
-    if mean is None or table is None or table.max_pressure is not None:
-        return inf
-    if table.hardness is None:
+    if mean is None or table is None or table.max_pressure is not None or table.hardness is None:
         return inf
     if beside_samples(this.scene):  # a vibrating patch passes any pressure of the equilibrium
         return inf

@@ -112,8 +112,9 @@ class Micro:
         nu: Poisson's ratio of the lining, which belongs to ``E``; E* = E / (1 - nu^2).
         tolerance: largest duality gap of a contact solution, relative to the work done.
         max_pressure: highest mean pressure of a law, relative to E*; 0.1 if not given, and no more
-            than a tenth of the hardness. Laws of a brake are made to a few times the mean pressure
-            of its contact, and longer where a sample needs them, unless this is given.
+            than a tenth of the hardness. Laws with a hardness are made to a few times the mean
+            pressure of the brake's contact, and longer where a sample needs them, unless this is
+            given.
         steps: load steps of a law, equal in log load.
         bulk_compliance: whether a law keeps the compliance of the half-space, which the
             finite-element lining already has.
