@@ -38,9 +38,10 @@ def start_petsc(options: Sequence[str] = (), comm: Any = None) -> None:
         import petsc4py
 
         petsc4py.init([*OPTIONS, *options], comm=comm)
-    origins = [getattr(find_spec(name), "origin", None) or "" for name in ("h5py", "dolfinx")]
+    origins = [getattr(find_spec(name), "origin", None) or "" for name in ("h5py", "mpi4py")]
     if len({Path(origin).parents[1] for origin in origins if origin}) == 2:
-        # A wheel has an HDF5 of its own: the two bear one another if it is loaded first.
+        # Not the distribution's, as mpi4py is: a wheel has an HDF5 of its own, and the two bear one
+        # another if it is loaded first.
         with beside_dolfinx("h5py"):
             import_module("h5py")
 
