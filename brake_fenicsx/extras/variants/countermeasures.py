@@ -68,8 +68,8 @@ class Search:
     """
 
     def __init__(
-        self, scene: str | Path, comm: MPI.Comm, folder: Path, overrides: Sequence[str],
-        cache: str | Path | None,
+        self, scene: str | Path, comm: MPI.Comm, directory: str | Path | None,
+        overrides: Sequence[str], cache: str | Path | None,
     ):  # fmt: skip
         """Read the scene and what an earlier call found; nothing is written.
 
@@ -77,6 +77,7 @@ class Search:
             SceneError: the scene is wrong or names no countermeasures, or the folder holds others.
         """
         self.scene = read_scene(scene, overrides)
+        folder = Path(directory or f"{Path(scene).stem}-countermeasures")
         self.runs = Runs(scene, comm, folder, [*overrides, "countermeasures=[]"], cache)
         self._latest: tuple[dict[str, list[float]], Model] | None = None
         named = self.scene.section("countermeasures")
@@ -256,8 +257,7 @@ def find_countermeasures(
         SceneError: the scene is wrong or names none, or the folder holds others.
         BrakeError: the run of the scene as it is failed.
     """
-    folder = Path(directory or f"{Path(scene).stem}-countermeasures")
-    search = Search(scene, comm, folder, overrides, cache)
+    search = Search(scene, comm, directory, overrides, cache)
     if (worst := search.worst()) is None:
         return None
     named = search.scene.section("countermeasures")
@@ -271,7 +271,7 @@ def find_countermeasures(
     rows = [_row(search, c, worst, rank) for rank, c in enumerate(ranked, 1)]
     if comm.rank == 0:
         print(countermeasures_text(rows))
-    return on_first(lambda: write_countermeasures(folder, worst, rows), comm)
+    return on_first(lambda: write_countermeasures(search.runs.folder, worst, rows), comm)
 
 
 def _row(search: Search, c: Countermeasure, worst: Worst, rank: int) -> Row:

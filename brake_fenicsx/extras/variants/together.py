@@ -99,8 +99,7 @@ def find_together(
         SceneError: the scene is wrong or does not name both, or the folder holds others.
         BrakeError: the run of the scene as it is failed.
     """
-    folder = Path(directory or f"{Path(scene).stem}-countermeasures")
-    search = Search(scene, comm, folder, overrides, cache)
+    search = Search(scene, comm, directory, overrides, cache)
     named = {c.key: c for c in search.scene.section("countermeasures")}
     keys = [dotted(*key_parts(key)) for key in keys]
     if len({*keys}) != 2 or not named.keys() >= {*keys}:
@@ -126,7 +125,9 @@ def find_together(
     cells = _cells(grid, verified, "; ".join(notes))
     if comm.rank == 0:
         print(text_table(HEADS, [cells]))
-    return on_first(partial(_write, folder, worst, grid, cells, "share_after" in verified), comm)
+    return on_first(
+        partial(_write, search.runs.folder, worst, grid, cells, "share_after" in verified), comm
+    )
 
 
 def _grid(
