@@ -170,6 +170,8 @@ def _made_otherwise(store: Store) -> list[str]:
 
 def _finish(this: Run, stats: SurfaceStatistics | None, new: bool) -> None:
     """All stages, in a folder that was opened and is ours until the samples begin."""
+    from brake_fenicsx.results.run import read_run
+
     store, comm = this.store, this.comm
     try:
         compute(this, stats)
@@ -180,10 +182,10 @@ def _finish(this: Run, stats: SurfaceStatistics | None, new: bool) -> None:
         raise
     if "report" in this.scene.stages and this.whole:
         with this.stage("report"):
-            if "samples" not in this.seconds:
+            if "pictures" not in this.seconds:
                 report(store.directory, comm, this.pictures, this.scene.own.figures)
             elif comm.rank == 0:
-                write_page(store.directory)
+                write_page(read_run(store.directory))  # with the verification
         if comm.rank == 0:
             this.write_summary()
 
@@ -389,6 +391,7 @@ def _results(this: Run, study: Study, sweep: SweepStudy | None) -> First:
 def draw_beside(this: Run, study: Study, first: First) -> None:
     """Samples of the verification, and beside them the pictures and figures of the page."""
     from brake_fenicsx.results.output import verification
+    from brake_fenicsx.results.run import read_run
 
     works: list[Callable[[], tuple[Any, list[str]]]] = []
     if "report" in this.scene.stages:
@@ -404,7 +407,9 @@ def draw_beside(this: Run, study: Study, first: First) -> None:
         if this.comm.rank == 0:
             this.write_summary()  # which the figures read
         this.comm.Barrier()
-        works += figure_works(this.store.directory, this.pictures, this.scene.own.figures)
+        read = cache(lambda: read_run(this.store.directory))
+        figures = this.pictures, this.scene.own.figures
+        works += figure_works(this.store.directory, read, *figures)
     made = study.verified_beside(works)
     if study.verify:
         this.facts["verification"] = on_first(lambda: verification(study), this.comm)
@@ -446,23 +451,28 @@ def report(
 
     if not directory.is_dir():
         read_run(directory)  # says what it is
-    works = figure_works(directory, pictures, own)
+    read = cache(lambda: read_run(directory))
+    works = figure_works(directory, read, pictures, own)
     progress = Progress("figures, in parts", len(works), processes=comm.size)
     for _, lost in in_turns(len(works), lambda i: works[i](), comm):
         progress.advance()
         for text in lost:
             logger.warning("%s", text)
     if comm.rank == 0:
-        write_page(directory)
+        write_page(read())
 
 
 def figure_works(
-    directory: Path, pictures: bool, own: Mapping[str, Callable[[RunData], Any]]
+    directory: Path,
+    read: Callable[[], RunData],
+    pictures: bool,
+    own: Mapping[str, Callable[[RunData], Any]],
 ) -> list[Callable[[], tuple[None, list[str]]]]:
     """Works that draw the figures of a results folder, by any processes, begun in this order.
 
     Args:
-        directory: the results folder; a process reads it once.
+        directory: the results folder.
+        read: gives its results, which a process reads once.
         pictures: False removes the figures.
         own: figures of a user's own by name.
 
@@ -471,29 +481,26 @@ def figure_works(
     """
     from brake_fenicsx.report.figure_inputs import contact_maps
     from brake_fenicsx.report.figures import PLOTS, make_figures
-    from brake_fenicsx.results.run import read_run
 
-    held = cache(lambda: read_run(directory))
     maps = [plot.name for plot in PLOTS].index("figure7_contact_maps")
 
     def draw(i: int) -> tuple[None, list[str]]:
         lost: list[str] = []
         if pictures and i == 0:  # of the figure in this part, before the results are read
             lost = spared("maps of the contact", lambda: contact_maps(directory))[1]
-        make_figures(held(), slice((maps + i) % DRAWING, None, DRAWING), pictures, own)
+        make_figures(read(), slice((maps + i) % DRAWING, None, DRAWING), pictures, own)
         return None, lost
 
     return [partial(draw, i) for i in range(DRAWING)]
 
 
-def write_page(directory: Path) -> None:
-    """Tables and the HTML page of a results folder whose figures are drawn; on one process."""
+def write_page(data: RunData) -> None:
+    """Tables and the HTML page of results whose figures are drawn; on one process."""
     from brake_fenicsx.report.html import write_report
     from brake_fenicsx.report.surface_page import write_surface_tables
     from brake_fenicsx.results.answer import summary_table, write_tables
-    from brake_fenicsx.results.run import read_run
 
-    data = read_run(directory)
+    directory = data.directory
     # Those of an earlier run with other stages or keys.
     shutil.rmtree(directory / "tables", ignore_errors=True)
     write_tables(data)

@@ -337,7 +337,8 @@ def test_table_of_the_log_stands_under_its_heading(tmp_path, monkeypatch):
                          (answer, "write_tables"), (html, "write_report"),
                          (surface_page, "write_surface_tables")):  # fmt: skip
         monkeypatch.setattr(module, name, lambda *_, **__: None)
-    monkeypatch.setattr(results, "read_run", lambda _: SimpleNamespace(modes=1, samples=1))
+    data = SimpleNamespace(modes=1, samples=1, directory=tmp_path)
+    monkeypatch.setattr(results, "read_run", lambda _: data)
     monkeypatch.setattr(answer, "summary_table", lambda _: "a  b\n1  2")
     (tmp_path / "samples.csv").touch()
     start_log(0, tmp_path / "log.txt")

@@ -99,7 +99,7 @@ def _run(
     count = len(wanted) + len(beside)
     progress = Progress(what, large, count - large, processes=comm.size)
     if 0 < large < count:
-        logger.info("%d of %d %s may take longer and come first", large, count, what)
+        logger.info("%s: the first %d of %d may take longer", what, large, count)
     left_over = large % comm.size
     paired = paired and len(wanted) - large < AS_LONG * (comm.size - left_over)
     shared = min(left_over, comm.size // 2) if paired else 0

@@ -145,9 +145,9 @@ class Study:
         """
         reduced = self.models.reduction.by_reduction
         tasks = [t for t in self.tasks if first is None or t[1] < first]
-        long = [t for t in tasks if not reduced[t[0]]] + (
-            [] if first or self.store.share is None else self.verify
-        )
+        long = [t for t in tasks if not reduced[t[0]]]
+        if first is None and self.store.share is not None:
+            long += self.verify
         # One sample that takes long comes before many, which fill the time of the others.
         count = Counter(approach for approach, _ in tasks)
         short = sorted((t for t in tasks if reduced[t[0]]), key=lambda t: count[t[0]])
