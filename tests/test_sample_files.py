@@ -148,7 +148,7 @@ def test_tables_need_some_hundred_bytes_for_a_mode(tmp_path, monkeypatch):
     store.path("samples").mkdir()
     tasks = [("joint", k) for k in range(220)]
     founders = ModeFamilies()
-    founders.add(basis + 0j, np.arange(1.0, modes + 1) / (2 * np.pi))
+    founders.add(basis + 0j, np.arange(1.0, modes + 1) / (2 * np.pi), np.zeros(modes, bool))
     tabulate = Tabulation(founders=founders)
     store.samples.tabulate = tabulate
     for task in tasks:

@@ -28,6 +28,11 @@ ONE_PAIR = 0.9
 FARTHEST = 0.3
 # Imaginary part of a vector over its real one below which it is round-off.
 FLAT = 1e-3
+# The same, below which a mode moves on a line rather than in a plane: others than its partner in
+# flutter give it parts as small.
+TURNS = 0.03
+# Difference of two MAC that says nothing.
+ALIKE = 0.1
 # Least MAC of a mode at its onset with the family that it is named after: that of a mode that is
 # made of two in equal parts, and of little else.
 RESEMBLES = 0.4
@@ -67,13 +72,18 @@ class Onsets:
         sizes: dimensions of these, shape (modes,).
     """
 
-    def __init__(self, vectors: Complex):
-        """Find the planes."""
+    def __init__(self, vectors: Complex, flat: float = FLAT):
+        """Find the planes.
+
+        Args:
+            vectors: in M-orthonormal coordinates, shape (m, modes).
+            flat: imaginary part over the real one below which a mode is real.
+        """
         parts = np.stack([vectors.T.real, vectors.T.imag], axis=2)
         self.planes, s, _ = np.linalg.svd(parts, full_matrices=False)
-        flat = s[:, 1] <= FLAT * s[:, 0]
-        self.planes[flat, :, 1] = 0.0
-        self.vectors, self.sizes = vectors, 2 - flat
+        real = s[:, 1] <= flat * s[:, 0]
+        self.planes[real, :, 1] = 0.0
+        self.vectors, self.sizes = vectors, 2 - real
 
     def like(self, own: list[int], others: Onsets, inside: bool = False) -> Array:
         """Likeness of some of these modes with all others, shape (own, others).
@@ -129,12 +139,16 @@ def _near(f: Array, g: Array) -> NDArray[np.bool_]:
 class ModeFamilies:
     """Families of modes over samples, by the MAC in a common basis.
 
-    Each sample's modes are matched to the families' first members, best match first; a mode that
-    matches none founds a family.
+    The modes of a sample are matched to the first members of the families, best match first; a mode
+    that matches none founds a family. While the frequencies of two coupled modes pass one another,
+    the growing one turns from their sum to their difference, which are orthogonal. So growing modes
+    are matched first, to the families that have grown, by MAC or plane; and a mode that matches no
+    first member belongs to one that lies in its plane, or in whose plane it lies.
 
     Attributes:
         vectors: the first member of each family, of length 1.
         frequencies: its frequency [Hz], at least 1.
+        grown: the first growing member of the families that have one, by number.
     """
 
     def __init__(self, least: float = 0.5, known: ModeFamilies | None = None):
@@ -146,32 +160,69 @@ class ModeFamilies:
         """
         self.vectors: list[Complex] = [] if known is None else [*known.vectors]
         self.frequencies: list[float] = [] if known is None else [*known.frequencies]
+        self.grown: dict[int, Complex] = {} if known is None else {**known.grown}
         self._least = least
 
-    def add(self, shapes: Complex, frequencies: Array) -> NDArray[np.intp]:
+    def add(
+        self, shapes: Complex, frequencies: Array, grows: NDArray[np.bool_]
+    ) -> NDArray[np.intp]:
         """Family of each mode of one more sample, shape (modes,).
 
         Args:
             shapes: the mode vectors in M-orthonormal coordinates, shape (m, modes).
             frequencies: their frequencies [Hz], shape (modes,).
+            grows: which of them are unstable, shape (modes,).
         """
         X = shapes / np.linalg.norm(shapes, axis=0)
         f = np.maximum(frequencies, 1.0)
         family = np.full(X.shape[1], -1)
-        if self.vectors:
-            near = _near(np.array(self.frequencies), f)
-            likeness = np.where(near, mac(np.array(self.vectors).T, X), 0.0)
-            for _ in range(min(likeness.shape)):
-                i, j = np.unravel_index(np.argmax(likeness), likeness.shape)
-                if likeness[i, j] < self._least:
-                    break
-                family[j] = i
-                likeness[i, :], likeness[:, j] = -1.0, -1.0
+        every = dict(enumerate(self.vectors))
+        if every:
+            likeness = self._likeness(every, X, f)
+            grown = self._likeness(self.grown, X, f, planes=True) * grows
+            # Two families that a growing mode resembles alike: the one that has grown.
+            grown[grown < likeness.max(axis=0) - ALIKE] = 0.0
+            _match(family, grown, [*self.grown], RESEMBLES)
+            _match(family, likeness, [*every], self._least)
+            left = np.flatnonzero(family < 0)
+            free = {n: v for n, v in every.items() if n not in family}
+            inside = np.zeros((len(free), family.size))
+            inside[:, left] = self._likeness(free, X[:, left], f[left], planes=True, inside=True)
+            _match(family, inside, [*free], self._least)
         for j in np.flatnonzero(family < 0):
             family[j] = len(self.vectors)
             self.vectors.append(X[:, j].copy())
             self.frequencies.append(float(f[j]))
+        for j in np.flatnonzero(grows):
+            self.grown.setdefault(int(family[j]), X[:, j].copy())
         return family
+
+    def _likeness(
+        self, known: dict[int, Complex], X: Complex, f: Array, planes: bool = False,
+        inside: bool = False,
+    ) -> Array:  # fmt: skip
+        """Likeness of some families with modes, shape (families, modes): 0 of far frequencies."""
+        if not known or not f.size:
+            return np.zeros((len(known), f.size))
+        V = np.array([*known.values()]).T
+        if planes:
+            families = Onsets(V, TURNS)
+            like = families.like([*range(len(known))], Onsets(X, TURNS), inside)
+        else:
+            like = mac(V, X)
+        return np.where(_near(np.array([self.frequencies[n] for n in known]), f), like, 0.0)
+
+
+def _match(family: Index, likeness: Array, numbers: list[int], least: float) -> None:
+    """Give modes without a family one that no mode has yet, the best match first."""
+    likeness = likeness.copy()
+    likeness[[n in family for n in numbers], :] = likeness[:, family >= 0] = -1.0
+    for _ in range(min(likeness.shape)):
+        i, j = np.unravel_index(np.argmax(likeness), likeness.shape)
+        if likeness[i, j] < least:
+            break
+        family[j] = numbers[i]
+        likeness[i, :], likeness[:, j] = -1.0, -1.0
 
 
 def family_shapes(places: Array, u: Complex, numbers: Index) -> dict[str, NDArray]:

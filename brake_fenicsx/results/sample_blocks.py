@@ -50,9 +50,9 @@ class Tabulation:
 
     @cached_property
     def mark(self) -> str:
-        """Hash of the families that all blocks know."""
-        known = (v.tobytes() for v in self.founders.vectors)
-        return hashlib.sha256(b"".join(known)).hexdigest()
+        """Hash of the families that all blocks know, and of how modes are matched to them."""
+        vectors = [*self.founders.vectors, *self.founders.grown.values()]
+        return hashlib.sha256(b"planes" + b"".join(v.tobytes() for v in vectors)).hexdigest()
 
     def __call__(self, tasks: Sequence[Task], load: Callable[[Task], Arrays | None]) -> Arrays:
         """Columns of some samples.
@@ -80,6 +80,7 @@ class Tabulation:
             "numbers": np.array([number for _, number in there], dtype=np.int64),
             "founders": np.array(self.mark), "vectors": np.array(members.vectors[new:]),
             "frequencies": np.array(members.frequencies[new:]),
+            "grow": np.array([n in members.grown for n in range(new, len(members.vectors))], bool),
             "squealing": np.array(sorted(squealing), dtype=np.int64),
             "squealing_vectors": np.array(loud),
         }  # fmt: skip
@@ -113,9 +114,10 @@ def tabulation_of(store: Store, tasks: Sequence[Task], threshold: float | None) 
 def founders_of(store: Store, tasks: Sequence[Task]) -> ModeFamilies:
     """Families of the first samples of every approach, those kept in the folder if they are."""
     made, known = ModeFamilies(), store.load(FOUNDERS)
-    if known is not None:
+    if known is not None and "grown" in known:
         made.vectors = [*known["vectors"]]
         made.frequencies = [float(f) for f in known["frequencies"]]
+        made.grown = {int(n): v for n, v in zip(known["grown"], known["growing"], strict=True)}
         return made
     for task in tasks:
         data = store.samples.load(task) if task[1] < FOUNDING else None
@@ -127,14 +129,17 @@ def founders_of(store: Store, tasks: Sequence[Task]) -> ModeFamilies:
 def keep_founders(store: Store, tasks: Sequence[Task]) -> None:
     """Keep these families in the folder, for all blocks that are packed from now on."""
     made = founders_of(store, tasks)
-    vectors, frequencies = np.array(made.vectors), np.array(made.frequencies)
-    store.save(FOUNDERS, vectors=vectors, frequencies=frequencies)
+    store.save(
+        FOUNDERS, vectors=np.array(made.vectors), frequencies=np.array(made.frequencies),
+        grown=np.array([*made.grown], int), growing=np.array([*made.grown.values()]),
+    )  # fmt: skip
 
 
 def _added(members: ModeFamilies, data: Mapping[str, Any]) -> NDArray[np.int32]:
     """Family of each mode of one more sample."""
     frequencies = np.abs(data["s"].imag) / 2 / np.pi
-    return members.add(data["coordinates"].astype(complex), frequencies).astype(np.int32)
+    grows = data["verdict"] == "unstable"
+    return members.add(data["coordinates"].astype(complex), frequencies, grows).astype(np.int32)
 
 
 class SampleBlock:

@@ -95,7 +95,8 @@ class StoredSamples:
         new = block.beside("vectors")
         numbers = np.arange(known + len(new))
         if len(new):
-            numbers[known:] = known + self._beyond.add(new.T, block.beside("frequencies"))
+            more = self._beyond.add(new.T, block.beside("frequencies"), block.beside("grow"))
+            numbers[known:] = known + more
             founded = slice(len(self.members.vectors) - known, None)
             self.members.vectors += self._beyond.vectors[founded]
             self.members.frequencies += self._beyond.frequencies[founded]
