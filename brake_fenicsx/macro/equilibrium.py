@@ -26,7 +26,7 @@ from .newton import Newton, State
 from .sliding_friction import patch_forces, sliding
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 # First and smallest step of the friction coefficient along which an equilibrium is followed, as a
 # share of it; growth of a step after one that succeeded.
@@ -34,8 +34,8 @@ FIRST, SMALLEST, GROWTH = 0.25, 1e-3, 1.5
 
 # Steps of iterative refinement, the relative error at which it ends, and up to which it is enough,
 # before double precision takes over; a column of the matrix is left to the refinement where its
-# diagonal differs from 1 by less than LITTLE.
-REFINEMENTS, REFINED, ENOUGH, LITTLE = 12, 1e-15, 1e-12, 1e-4
+# diagonal differs from 1 by less than LITTLE, unless nearly all, MOST, would be taken anyway.
+REFINEMENTS, REFINED, ENOUGH, LITTLE, MOST = 12, 1e-15, 1e-12, 1e-4, 0.9
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -180,87 +180,54 @@ def record(
     )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Jacobian:
-    """I + NN diag(n) + NT diag(t), solved in single precision and refined with the exact matrix.
+def solved(J: Array, b: Array, elements: int) -> Array:
+    """Solution of J x = b to double precision: in single precision, refined with the exact matrix.
 
     Columns of elements that hardly carry anything are left to the refinement: in rough contact most
     elements are open.
 
-    Attributes:
-        NN: compliance [m/N], shape (rows, rows): elements, then free coordinates.
-        NT: the same from slip to gap, shape (rows, elements).
-        n: stiffness [N/m], 1 for free coordinates, shape (rows,).
-        t: the same for the friction forces, shape (elements,); None without friction.
+    Args:
+        J: 1 and the compliance times stiffness, shape (rows, rows): elements, then free
+            coordinates.
+        b: shape (rows,).
+        elements: number of elements.
+
+    Raises:
+        NotConverged: the matrix is singular.
     """
+    size = np.abs(J.diagonal() - 1.0)
+    chosen = size > LITTLE
+    chosen[np.argmax(size)] = True
+    chosen[elements:] = True
+    chosen |= chosen.mean() > MOST
+    try:
+        with warnings.catch_warnings():
+            # Nearly all elements open: the line search judges what the step is worth.
+            warnings.simplefilter("ignore", la.LinAlgWarning)
+            x = _refined(J, b, chosen)
+            return x if x is not None else la.solve(J, b)
+    except (la.LinAlgError, ValueError) as error:
+        raise NotConverged(
+            "equilibrium: all contact elements open during the iteration; raise the load steps"
+        ) from error
 
-    NN: Array
-    NT: Array
-    n: Array
-    t: Array | None
 
-    def times(self, x: Array) -> Array:
-        """Product with a vector."""
-        return np.asarray(x + self._contact(x))
-
-    def solve(self, b: Array) -> Array:
-        """Solution to double precision.
-
-        Raises:
-            NotConverged: the matrix is singular.
-        """
-        size = np.abs(self.n * self.NN.diagonal())
-        chosen = size > LITTLE
-        chosen[np.argmax(size)] = True
-        chosen[self.NT.shape[1] :] = True
-        try:
-            with warnings.catch_warnings():
-                # Nearly all elements open: the line search judges what the step is worth.
-                warnings.simplefilter("ignore", la.LinAlgWarning)
-                x = self._refined(b, np.flatnonzero(chosen))
-                every = np.arange(b.size)
-                return x if x is not None else la.solve(self._matrix(float, every), b)
-        except (la.LinAlgError, ValueError) as error:
-            raise NotConverged(
-                "equilibrium: all contact elements open during the iteration; raise the load steps"
-            ) from error
-
-    def _refined(self, b: Array, chosen: Index) -> Array | None:
-        """Solution by refinement; None where it is not enough of a start."""
-        lu = la.lu_factor(self._matrix(np.float32, chosen), overwrite_a=True, check_finite=False)
-        others = np.setdiff1d(np.arange(b.size), chosen)
-        x, r, steps = np.zeros_like(b), b, Steps(1, REFINED, REFINEMENTS)
-        while steps.moving.any():
-            dx = r.copy()
-            dx[others] = 0.0
-            dx[chosen] = la.lu_solve(lu, r[chosen].astype(np.float32), check_finite=False)
-            if others.size:
-                dx[others] = (r - self._contact(dx))[others]
-            # Not finite: springs so soft that no element is among the chosen; a free body has none.
-            if not steps.take(*sizes(dx[:, None], x[:, None])):
-                return None
-            x = x + dx
-            r = b - self.times(x)
-        return x if steps.left <= ENOUGH else None
-
-    def _contact(self, x: Array) -> Array:
-        """What contact adds to a vector."""
-        y = self.NN @ (self.n * x)
-        return np.asarray(y if self.t is None else y + self.NT @ (self.t * x[: self.t.size]))
-
-    def _matrix(self, kind: type, chosen: Index) -> Array:
-        """Rows and columns of some elements and coordinates."""
-        whole = chosen.size == self.n.size
-        NN, NT, n, t = self.NN, self.NT, self.n, self.t
-        if not whole:
-            own = chosen[chosen < NT.shape[1]]
-            NN, NT, n = NN[np.ix_(chosen, chosen)], NT[np.ix_(chosen, own)], n[chosen]
-            t = None if t is None else t[own]
-        J = np.multiply(NN, n, dtype=kind, casting="same_kind")
-        if t is not None:
-            J[:, : t.size] += np.multiply(NT, t, dtype=kind, casting="same_kind")
-        J[np.diag_indices_from(J)] += 1.0
-        return J
+def _refined(J: Array, b: Array, chosen: Mask) -> Array | None:
+    """Solution by refinement; None where it is not enough of a start."""
+    own = J if chosen.all() else J[np.ix_(chosen, chosen)]
+    lu = la.lu_factor(own.astype(np.float32), overwrite_a=True, check_finite=False)
+    x, r, steps = np.zeros_like(b), b, Steps(1, REFINED, REFINEMENTS)
+    while steps.moving.any():
+        dx = np.zeros_like(b)
+        dx[chosen] = la.lu_solve(lu, r[chosen].astype(np.float32), check_finite=False)
+        if not chosen.all():
+            dx[~chosen] = (r - J @ dx)[~chosen]
+        # Not finite: springs so soft that no element is among the chosen; a free body has none.
+        if not steps.take(*sizes(dx[:, None], x[:, None])):
+            return None
+        x = x + dx
+        r = b - J @ x
+    return x if steps.left <= ENOUGH else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,12 +258,15 @@ class Condensed:
         k0 = c.k0 if c.carried is None else 0.0
         rhs = load * c.Nf + c.NN[:, :n] @ (self.w * (a - k0 * self.g0))
         rhs[:n] += self.g0
-        stiffness, t = np.ones(rhs.size), None
+        stiffness = np.ones(rhs.size)
         stiffness[:n] = self.w * (k - k0)
+        J = c.NN * stiffness
         if np.any(self.mu):
             forces = patch_forces(self.w, a, k, sliding(self.mu, a))
-            rhs, t = rhs + c.NT @ forces.value[1], -forces.gap[1]
-        return Jacobian(c.NN, c.NT, stiffness, t).solve(rhs)[:n]
+            rhs += c.NT @ forces.value[1]
+            J[:, :n] -= c.NT * forces.gap[1]
+        J[np.diag_indices_from(J)] += 1.0
+        return solved(J, rhs, n)[:n]
 
     def norm(self, pressure: Array) -> float:
         """Norm of the forces of some pressures, weighted with the compliance."""
