@@ -142,8 +142,8 @@ class Sample:
     def contact(self):
         return ContactLinearisation.of(self.k, self.mu, self.along, self.across)
 
-    def modes(self, model):
-        return model.modes(self.x, self.contact, ZETA)
+    def modes(self, model, growing=False):
+        return model.modes(self.x, self.contact, ZETA, growing)
 
     def agrees(self, modes):
         """None missed or doubled, errors covered, no wrong verdict; the largest relative error."""

@@ -36,6 +36,7 @@ from dense_reference import agrees, all_lambda
 from reduced_samples import (
     BAND,
     CASES,
+    HIGH,
     K0,
     Sample,
     box,
@@ -96,6 +97,20 @@ def test_some_of_these_flutter(two_blocks):
             number += 1
             assert np.abs(found.s + s.conj()).min() <= 1e-9 * abs(s)
     assert number
+
+
+@pytest.mark.parametrize("case", KINDS)
+def test_growing_modes_are_found_without_the_others(two_blocks, case):
+    """With the few that move them: their squares to round-off of the band's end squared."""
+    scene = two_blocks("coarse")
+    model = offline(scene, case)
+    for seed in range(3):
+        sample = Sample(scene, case, mu=1.0, seed=seed)
+        every, some = sample.modes(model), sample.modes(model, growing=True)
+        both = [x.s[np.array(x.verdict, str) == "unstable"] for x in (every, some)]
+        assert len(some) <= len(every)
+        np.testing.assert_allclose(both[1] ** 2, both[0] ** 2, rtol=0, atol=2e-9 * HIGH**2)
+        assert np.all(np.abs(both[1] - both[0]) <= some.error[np.isin(some.s, both[1])])
 
 
 def test_tolerance_buys_accuracy(two_blocks):

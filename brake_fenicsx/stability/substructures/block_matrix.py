@@ -58,12 +58,12 @@ class Chosen:
     """Some contact elements of all bodies.
 
     Attributes:
-        count: number of them.
+        elements: their numbers.
         here: places of those of a body among its own elements.
         there: places among those chosen.
     """
 
-    count: int
+    elements: Index
     here: list[Index]
     there: list[Index]
 
@@ -80,7 +80,12 @@ class Chosen:
         at[elements] = np.arange(elements.size)
         here = [np.flatnonzero(at[body.elements] >= 0) for body in bodies]
         there = [at[body.elements[i]] for body, i in zip(bodies, here, strict=True)]
-        return cls(elements.size, here, there)
+        return cls(elements, here, there)
+
+    @property
+    def count(self) -> int:
+        """Number of them."""
+        return int(self.elements.size)
 
     def rows(self, number: int, blocks: int, own: int) -> tuple[Index, Index]:
         """Places in several blocks of rows: of a body, and of the chosen elements.

@@ -17,7 +17,6 @@ They are J u of the gaps and slip rates u = [g; lambda v_T; lambda v_R].
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -170,23 +169,25 @@ class ContactLinearisation:
             rate * self.along[elements], rate * self.across[elements],
         )  # fmt: skip
 
-    def blocks_after(self, A: AnyArray, rows: Rows) -> Iterator[AnyArray]:
-        """A J, one block of followed rows at a time, in the precision of A.
+    def after(self, A: AnyArray, rows: Rows) -> AnyArray:
+        """A J, in the precision of A.
 
         Args:
             A: shape (rows, acting rows).
             rows: blocks of contact rows.
 
-        Yields:
-            Shape (rows, elements).
+        Returns:
+            Shape (rows, followed rows).
         """
         n = self.k.size
-        normal = A[:, :n] * self.k.astype(A.dtype, copy=False)
+        out = np.empty((len(A), len(rows.followed) * n), A.dtype)
+        blocks = [(0, self.k), *self._rates(rows)]
+        for j, (place, factor) in enumerate(blocks):
+            own = A[:, place * n : (place + 1) * n], factor.astype(A.dtype, copy=False)
+            np.multiply(*own, out=out[:, j * n : (j + 1) * n])
         if self.friction.any():
-            normal += A[:, n : 2 * n] * self.friction.astype(A.dtype, copy=False)
-        yield normal
-        for place, rate in self._rates(rows):
-            yield A[:, place * n : (place + 1) * n] * rate.astype(A.dtype, copy=False)
+            out[:, :n] += A[:, n : 2 * n] * self.friction.astype(A.dtype, copy=False)
+        return out
 
     def forces(self, u: Complex, rows: Rows) -> Complex:
         """J u of gaps and slip rates, shape (acting rows, columns)."""

@@ -189,7 +189,7 @@ class Basis:
         if not q.y.shape[1]:
             return
         closed = np.flatnonzero(stiffness > LITTLE * stiffness.max(initial=0.0))
-        place = np.searchsorted(np.flatnonzero(stiffness), closed)
+        place = np.searchsorted(sample.closed.elements, closed)
         seen = q.left[: sample.closed.count]
         y = np.zeros((stiffness.size, 2 * q.y.shape[1]), complex)
         y[closed] = np.hstack([q.y[place], seen[place] / stiffness[closed, None]])

@@ -53,6 +53,10 @@ class Zeros:
         """The chosen zeros."""
         return np.asarray(self.every[self.chosen])
 
+    def taken(self, some: Index) -> Zeros:
+        """Some of those that were chosen."""
+        return Zeros(self.every, self.chosen[some], self.right[:, some], self.left[:, some])
+
 
 def zeros(T: Array, degree: int, reach: float, near: Callable[[Complex], Index]) -> Zeros:
     """Zeros of a real matrix polynomial whose constant coefficient is regular.

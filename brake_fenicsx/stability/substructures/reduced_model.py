@@ -31,13 +31,18 @@ from .component import AtPoint, Component, Placed, placed
 from .contact_rows import SIGMA, ContactLinearisation, Rows
 from .parameters import CONSTANT, Parameters
 from .polynomials import Zeros, zeros
-from .sample import Corrected, Sample, corrected
+from .sample import Corrected, Sample, corrected, moved_by_others
 from .sample_problem import Quotient
 
 # Zeros are corrected up to this multiple of the band's end: at the reference brake those of the
 # truncated series are off by less than 1e-4. Modes of the band that grow strongly lie further out:
 # they are listed up to this multiple of |lambda|.
 SEARCHED, LISTED = 1.1, 1.3
+# Zeros of growing modes are corrected together with those that move them by more, in units of the
+# band's end squared, and with those nearer than this share of their size.
+ALONE, NARROW = 1e-10, 2e-4
+# Where more than this share of the elements is closed, all are taken as closed.
+MOST = 0.9
 
 COUNTED = Count(
     "proven",
@@ -56,6 +61,7 @@ class ReducedModel:
         rows: blocks of contact rows, and whether anything depends on a rate.
         parameters: those that the materials depend on.
         orders: degree of the interpolation in each of them, shape (d,).
+        held: static compliances that are held, at so many points of the box.
         seconds: time of the offline stage [s].
     """
 
@@ -88,8 +94,9 @@ class ReducedModel:
                 groups.setdefault(owner, {})[inner] = values
         self.bodies: list[Placed] = placed(groups, self.rows, parameters, self.omega)
         self._latest: tuple[Array, dict[int, AtPoint]] | None = None
-        # Of constant materials all samples share the compliance.
-        self._rest: tuple[Array, Array, tuple[Array, Array, Array]] | None = None
+        # Of constant materials, or a few of them, all samples share the compliance.
+        self._rest: dict[bytes, tuple[Array, Array, Array]] = {}
+        self.held: int = 1
         self._kept: tuple[Array, BlockMatrix] | None = None
 
     @staticmethod
@@ -113,6 +120,7 @@ class ReducedModel:
         p: ArrayLike,
         contact: ContactLinearisation,
         zeta_max: float = 0.1,
+        growing: bool = False,
     ) -> Modes:
         """Complex modes of one sample in the band.
 
@@ -121,6 +129,7 @@ class ReducedModel:
             contact: what acts in its contact elements.
             zeta_max: where something is damped, decaying modes are returned up to this damping
                 ratio.
+            growing: whether those that grow or may grow are enough.
 
         Returns:
             The modes; ``right`` and ``left`` in the coordinates of the kept modes of all bodies.
@@ -131,15 +140,13 @@ class ReducedModel:
             SceneError: a number of contact elements other than the model's.
         """
         start = time.perf_counter()
-        found = corrected(*self.quotient(self.sample(p, contact)))
+        found = corrected(*self.quotient(self.sample(p, contact), growing))
         return self.listed_modes(found, zeta_max, start)
 
     def zeros(self, p: ArrayLike, contact: ContactLinearisation) -> Complex:
         """Eigenvalues lambda [1/s] near the band, conjugates included, shape (zeros,)."""
         z = corrected(*self.quotient(self.sample(p, contact))).zeros.z
-        z = np.r_[z, z[z.imag > 0].conj()]
-        z = z + self.rows.shift if self.rows.rates else np.sqrt(SIGMA - z + 0j)
-        return np.asarray(self.omega * z)
+        return self.omega * self._lam(np.r_[z, z[z.imag > 0].conj()])
 
     def static(self, p: ArrayLike, k0: Array) -> tuple[Array, Array, Array]:
         """Compliance of the bodies at the contact elements, with free coordinates.
@@ -152,14 +159,14 @@ class ReducedModel:
             NN, NT and one column of Nf for each load, see ``macro.condensation.Compliance``.
         """
         x = np.asarray(p, float)
-        if self._rest is None or not (
-            np.array_equal(self._rest[0], x) and np.array_equal(self._rest[1], k0)
-        ):
+        if (key := x.tobytes() + k0.tobytes()) not in self._rest:
             kappa = np.concatenate([body.component.kappa for body in self.bodies])
             free, stiffness = kappa <= (FREE * self.omega) ** 2, self.areas(p) * k0
+            if len(self._rest) >= self.held:
+                self._rest.popitem()
             given = self.blocks(x), free, stiffness, self.rows, self.omega
-            self._rest = x, k0, static_compliance(*given)
-        return self._rest[2]
+            self._rest[key] = static_compliance(*given)
+        return self._rest[key]
 
     def displacements(
         self,
@@ -296,13 +303,46 @@ class ReducedModel:
                 f"k: {contact.k.size} values for {self._w.size} contact elements of the model"
             )
         x, views = np.asarray(p, float), self.at(p) if views is None else views
-        return Sample(self.bodies, x, views, contact, self.areas(x), self.rows, self.omega)
+        # One open element in place of none: its force is zero. There may be no element at all.
+        elements, n = contact.closed, self._w.size
+        elements = elements if elements.size else np.arange(min(1, n))
+        nearly_all = elements.size > MOST * n
+        elements = np.arange(n) if nearly_all else elements
+        closed = Chosen.of(self.bodies, elements, n)
+        given = self.bodies, views, self.rows, closed
+        b = self.blocks(x, keep=True) if nearly_all else assembled(*given)
+        own = contact.scaled(self.areas(x), elements, self.omega)
+        return Sample(self.bodies, x, views, own, self.rows, closed, b)
 
-    def quotient(self, sample: Sample) -> tuple[Zeros, Quotient, Array]:
-        """Zeros in the band or a little beyond, their quotients, and errors of the polynomials."""
+    def quotient(self, sample: Sample, growing: bool = False) -> tuple[Zeros, Quotient, Array]:
+        """Zeros in the band or a little beyond, their quotients, and errors of the polynomials.
+
+        Args:
+            sample: the problem.
+            growing: whether zeros of modes that grow or may grow are enough, and others that would
+                move these.
+        """
         found = zeros(sample.T, 2 if self.rows.rates else 1, *self.searched)
-        q = sample.quotient(found)
+        some = np.arange(found.z.size)
+        if growing:
+            s, size = self._lam(found.z), np.maximum(np.abs(found.z), SIGMA)
+            close = np.abs(found.z[:, None] - found.z) < NARROW * size[:, None]
+            grows = s.real > (-NARROW * np.abs(s) if self.rows.rates else 0.0)
+            # Of undamped modes, two that are close to one another may be a growing pair.
+            pairs = (close.sum(axis=1) > 1) & (not self.rows.rates)
+            some = np.flatnonzero(close @ (grows | pairs))
+        q = sample.quotient(found.taken(some))
+        if growing:
+            moved = moved_by_others(found, some, q, sample.T)[:, grows[some]].sum(axis=1)
+            if (more := np.setdiff1d(np.flatnonzero(moved > ALONE), some)).size:
+                some = np.union1d(some, more)
+                q = sample.quotient(found.taken(some))
+        found = found.taken(some)
         return found, q, sample.polynomial_errors(found.z, q)
+
+    def _lam(self, z: Complex) -> Complex:
+        """Lambda of some zeros, in units of the band's end."""
+        return np.asarray(z + self.rows.shift if self.rows.rates else np.sqrt(SIGMA - z + 0j))
 
     def blocks(self, p: ArrayLike, keep: bool = False) -> BlockMatrix:
         """The bodies seen from all contact elements at a point of the box.
@@ -334,7 +374,7 @@ class ReducedModel:
         reach = LISTED + abs(self.rows.shift) if rates else LISTED**2 + SIGMA
 
         def near(z: Complex) -> Index:
-            s = z + self.rows.shift if rates else np.sqrt(SIGMA - z + 0j)
+            s = self._lam(z)
             size = np.where(np.abs(s.imag) <= SEARCHED, np.abs(s), np.inf)
             size = np.where(np.abs(s) <= SEARCHED, 0.0, size)
             return np.flatnonzero((size <= LISTED) & (z.imag >= 0))

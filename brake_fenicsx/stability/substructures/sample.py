@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 
 from ..eigensolvers.arnoldi import times
-from .block_matrix import Chosen, assembled
+from .block_matrix import BlockMatrix, Chosen
 from .component import AtPoint, Placed
 from .contact_rows import ContactLinearisation, Rows
-from .polynomials import Zeros
+from .polynomials import Zeros, applied
 from .sample_problem import ROUND_OFF, Quotient, SampleProblem
 
 # First-order moves larger than this share of the distance to the next zero are not of first order.
@@ -37,7 +37,7 @@ class Sample(SampleProblem):
         bodies: the bodies.
         x: point of the box, shape (d,).
         views: each of them at the sample's point of the box.
-        closed: closed contact elements.
+        closed: closed contact elements, or all.
         contact: what acts in them, in units of the band's end.
     """
 
@@ -50,32 +50,27 @@ class Sample(SampleProblem):
         x: Array,
         views: Sequence[AtPoint],
         contact: ContactLinearisation,
-        w: Array,
         rows: Rows,
-        omega: float,
+        closed: Chosen,
+        b: BlockMatrix,
     ):
-        """Assemble the bodies under the forces of the contact elements.
+        """Put the bodies under the forces of the contact elements.
 
         Args:
             bodies: the bodies of the brake.
             x: the sample's point of the box, shape (d,).
             views: each of them at the sample's point of the box.
-            contact: what acts in its contact elements.
-            w: areas of all elements [m^2].
+            contact: what acts in the closed elements, in units of the band's end.
             rows: blocks of contact rows.
-            omega: end of the band [rad/s].
+            closed: these elements; open ones may be among them.
+            b: the bodies seen from them.
         """
-        closed = contact.closed
-        if not closed.size:
-            # One open element in place of none: its force is zero. There may be no element at all.
-            closed = np.arange(min(1, w.size))
         self.bodies, self.x, self.views = bodies, x, views
-        self.closed: Chosen = Chosen.of(bodies, closed, w.size)
-        self.contact = contact.scaled(w, closed, omega)
-        b = assembled(bodies, views, rows, self.closed)
-        E = [np.hstack([*self.contact.blocks_after(A, rows)]) for A in b.D]
+        self.closed: Chosen = closed
+        self.contact = contact
+        E = [contact.after(A, rows) for A in b.D]
         E[0][np.diag_indices(len(E[0]))] += 1.0
-        forced = np.array([np.hstack([*self.contact.blocks_after(A, rows)]) for A in b.lead])
+        forced = np.array([contact.after(A, rows) for A in b.lead])
         super().__init__(E, b.source, forced, b.own, rows)
 
     def polynomial_errors(self, z: Complex, q: Quotient) -> Array:
@@ -105,7 +100,8 @@ class Sample(SampleProblem):
                 rows: Index = rows, right: AnyArray = right,
             ) -> Complex:  # fmt: skip
                 """[eta; b]' A [J u; a] of several matrices A, shape (matrices, zeros)."""
-                picked = error[:, rows].reshape(-1, error.shape[2])
+                picked = error if rows.size == error.shape[1] else error[:, rows]
+                picked = picked.reshape(-1, error.shape[2])
                 product = times(picked, right).reshape(len(error), rows.size, z.size)
                 return np.asarray(np.einsum("im,nim->nm", left, product))
 
@@ -181,6 +177,26 @@ def corrected(found: Zeros, q: Quotient, interpolated: Array) -> Corrected:
     zeros = Zeros(every, some, right, left)
     simple, close = first + first**2 / gap, first + np.sqrt(first * gap)
     return Corrected(zeros, new, SAFETY * np.where(first < CLOSE * gap, simple, close))
+
+
+def moved_by_others(found: Zeros, some: Index, q: Quotient, T: Array) -> Array:
+    """What each of all zeros would add to the quotients of some of them, to second order.
+
+    Args:
+        found: all zeros near the band.
+        some: those that have a quotient.
+        q: the quotient.
+        T: coefficients of the expanded T(z).
+
+    Returns:
+        Shape (zeros, chosen).
+    """
+    slope = [m * A for m, A in enumerate(T)][1:]
+    slopes = np.einsum("im,im->m", found.left, applied(slope, found.z, found.right))
+    apart = np.abs(found.z[:, None] - found.z[some])
+    apart[some] = np.inf
+    products = np.abs(found.left.T @ q.rest) ** 2
+    return np.asarray(products / np.abs(np.outer(slopes, q.slope)) / np.maximum(apart, 1e-300))
 
 
 def distances(z: Complex, chosen: Index, number: int = 1) -> Array:

@@ -62,6 +62,7 @@ class Quotient:
     Attributes:
         products: b_i' T(z_j) a_j of left vectors i and zeros j, shape (zeros, zeros); and those of
             the left vectors' conjugates.
+        rest: T(z) a, shape (kept modes, zeros).
         slope: b' T'(z) a.
         unsolved: what y and eta leave, over the slope.
         y: motions that contact forces follow, shape (followed rows, zeros).
@@ -70,6 +71,7 @@ class Quotient:
     """
 
     products: tuple[Complex, Complex]
+    rest: Complex
     slope: Complex
     unsolved: Array
     y: Complex
@@ -194,7 +196,7 @@ class SampleProblem:
         slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
         rest = applied(self.own, w, a) + applied(self.forced, w, u)
         products = b.T @ rest + eta.T @ unsolved, b.conj().T @ rest + eta.conj().T @ unsolved
-        return Quotient(products, slope, left / np.abs(slope), y, a, np.vstack([eta, b]))
+        return Quotient(products, rest, slope, left / np.abs(slope), y, a, np.vstack([eta, b]))
 
     def slope(
         self,
