@@ -7,8 +7,12 @@ import numpy as np
 
 def at_contact(contact):
     """What gives the brake of a sample, of which there is no more than these elements."""
-    scene = SimpleNamespace(contact=contact)
-    return lambda values: SimpleNamespace(values=values, contact=contact, reference=scene)
+
+    def at(values):
+        reference = SimpleNamespace(contact=contact, at=at)
+        return SimpleNamespace(values=values, contact=contact, reference=reference)
+
+    return at
 
 
 class ManyLinear:

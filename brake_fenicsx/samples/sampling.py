@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -103,8 +103,6 @@ def draw_sample(
     hdf: HeightDistribution | None,
     point: Array | None = None,
     waviness: Waviness | None = None,
-    values: Mapping[str, float] | None = None,
-    laws: EnrichedGap | None = None,
     zones: Mapping[str, Roughness] = MappingProxyType({}),
 ) -> SampleInput:
     """Sample ``k`` of an approach.
@@ -121,33 +119,60 @@ def draw_sample(
         hdf: height distribution, where critical gaps are drawn from it.
         point: the sample's point of a design, shape (inputs,); None: drawn from its own stream.
         waviness: field of the mean heights of patches, where critical gaps are drawn from it.
-        values: scalars by dotted key, SI, in place of those that are drawn or the scene's.
-        laws: laws and critical gaps of this sample, where they were drawn with the scene's moduli.
         zones: interfaces that have a surface of their own.
 
     Raises:
         InaccurateResult: the point cannot be used and may not be replaced.
-        SceneError: no brake has the given values.
     """
     seed, shared = sample_seed(scene.samples.seed, k), k
     drawn, rejected = Values(scene), 0
     if scene.samples.takes_random(approach):
         shared = roughness_of(scene.samples.plan(approach), len(scene.samples.random), k)
         drawn, rejected = random_inputs.draw_inputs(scene, approach, point, _streams(seed)[2])
-    if values:
-        drawn = Values(scene, {**drawn, **values})
-        random_inputs.check_values(approach, drawn)
     brake = at(drawn)
     if approach in random_inputs.PERFECT:
-        penalty = micro.linear_law(drawn.get(PENALTY, scene.samples.classical.penalty))
         none = np.zeros(brake.contact.interface.size)
-        laws = EnrichedGap(micro.OneLaw(penalty), none.astype(np.intp), none)
-    elif laws is None or drawn.materials:
+        laws = EnrichedGap(_penalty(drawn), none.astype(np.intp), none)
+    else:
         # Each kind of draw has its own child, so that naming one does not change the others.
         streams = _streams(sample_seed(scene.samples.seed, shared))
         laws = _rough(brake, Roughness(library, hdf, waviness), zones, (streams[0], streams[1]))
     friction = friction_of_contact(brake.contact, approach, drawn)
     return SampleInput(approach, seed, brake, laws, friction, rejected)
+
+
+def at_values(sample: SampleInput, values: Mapping[str, float]) -> SampleInput:
+    """A sample with other values of some scalars, and all else as it was drawn.
+
+    Args:
+        sample: the sample.
+        values: scalars by dotted key, SI, in place of those that were drawn or the scene's.
+
+    Raises:
+        SceneError: no brake has them.
+    """
+    scene, approach, laws = sample.values.scene, sample.approach, sample.laws
+    given = Values(scene, {**sample.values, **values})
+    random_inputs.check_values(approach, given)
+    brake = sample.brake.reference.at(given)
+    if approach in random_inputs.PERFECT:
+        laws = replace(laws, laws=_penalty(given))
+    else:
+        scaled = random_inputs.scaled_interfaces(scene) if given.materials else ()
+        both, factors = (given, sample.values), dict.fromkeys(scene.contact, 1.0)
+        factors |= {n: np.divide(*(random_inputs.law_factor(n, v) for v in both)) for n in scaled}
+        if {*factors.values()} != {1.0}:
+            parts = [micro.scaled_laws(laws.laws, float(x)) for x in factors.values()]
+            index = laws.index + brake.reference.contact.interface * len(laws.laws)
+            laws = replace(laws, laws=micro.join_laws(parts), index=index)
+    friction = friction_of_contact(brake.contact, approach, given)
+    return replace(sample, brake=brake, laws=laws, friction=friction)
+
+
+def _penalty(values: Values) -> Laws:
+    """Law of perfect contact."""
+    usual = values.scene.samples.classical.penalty
+    return micro.OneLaw(micro.linear_law(values.get(PENALTY, usual)))
 
 
 def friction_of_contact(contact: Contact, approach: str, values: Values) -> SlidingFriction:

@@ -38,7 +38,7 @@ from .equilibria import Equilibria
 from .forces import forces_of_sample, mean_friction, moved
 from .models import Models
 from .random_inputs import PERFECT, note_laws, points_of
-from .sampling import Roughness, SampleInput, draw_sample, sample_count, sample_seed
+from .sampling import Roughness, SampleInput, at_values, draw_sample, sample_count, sample_seed
 from .solve import More, displacements, full_modes, modes_of_sample, reduced_modes
 
 T = TypeVar("T")
@@ -94,8 +94,7 @@ class Study:
         self.equilibria = Equilibria.of_scene(scene, self.models)
         self._displaced: dict[Task, Array] = {}
         self._first: dict[str, Array | None] = {}
-        # Of the last sample, with the scene's moduli.
-        self._laws: dict[Task, EnrichedGap] = {}
+        self._drawn: dict[Task, SampleInput] = {}  # the last one
         # Vectors of the families, once the tables are written; on one process.
         self.families: Complex | None = None
         self.squealing: list[int] = []
@@ -330,14 +329,14 @@ class Study:
             InaccurateResult: its point of the design cannot be used and may not be replaced.
             SceneError: no brake has the given values.
         """
-        (approach, k), points = task, self.points[task[0]]
-        drawn = draw_sample(
-            self.scene, approach, k, self.models.brake.at, self.library, self.hdf,
-            None if points is None else points[k], self.waviness, values, self._laws.get(task),
-            self.zones,
-        )  # fmt: skip
-        self._laws = {} if drawn.values.materials else {task: drawn.laws}
-        return drawn
+        if task not in self._drawn:
+            (approach, k), points = task, self.points[task[0]]
+            drawn = draw_sample(
+                self.scene, approach, k, self.models.brake.at, self.library, self.hdf,
+                None if points is None else points[k], self.waviness, self.zones,
+            )  # fmt: skip
+            self._drawn = {task: drawn}
+        return at_values(self._drawn[task], values or {})
 
     def balance(
         self, sample: SampleInput, reduced: bool = False, start: Array | None = None

@@ -13,7 +13,7 @@ from brake_fenicsx import model
 from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.errors import InaccurateResult, SceneError
-from brake_fenicsx.samples.sampling import draw_sample
+from brake_fenicsx.samples.sampling import at_values, draw_sample
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import ContactLinearisation
 from contact_alone import at_contact
@@ -38,10 +38,10 @@ def test_values_replace_and_complete_the_drawn_ones():
     scene = read_scene(BLOCK, [*changes, "samples.approaches=['multi-scale','classical']"])
     at = at_contact(SimpleNamespace(interface=np.zeros(4, int), speed=np.ones(4)))
 
-    def drawn(approach, values=None):
-        return draw_sample(scene, approach, 1, at, None, None, values=values)
+    def drawn(approach, values):
+        return at_values(draw_sample(scene, approach, 1, at, None, None), values)
 
-    own = drawn("multi-scale")
+    own = drawn("multi-scale", {})
     loaded = drawn("multi-scale", {LOAD: 3e5})
     assert loaded.values == {**own.values, LOAD: 3e5}
     np.testing.assert_array_equal(loaded.friction.mu, own.friction.mu)
