@@ -4,6 +4,7 @@
     scripts/bench_ensemble.py run [SCENE] [--samples 10 20 40] [--processes 1 2] [--set KEY=VALUE]
     scripts/bench_ensemble.py intervals     width and coverage of the intervals of indices
     scripts/bench_ensemble.py merge [SCENE] [--samples 10240 102400] [--processes 1]
+    scripts/bench_ensemble.py states [SCENE] [--samples 4] [--set KEY=VALUE]
 
 ``run`` starts every row from nothing (cold: mesh, laws, basis and samples) and then once more on
 the folder it left, without its samples (cached: laws and basis are read). Full order is the median
@@ -14,6 +15,10 @@ first-order index of the whole band.
 ``merge`` computes 1024 samples, writes them again under other numbers until there are as many as
 named, and runs the scene on what it wrote: tables and page alone. In the options {n} stands for the
 number of samples.
+
+``states`` prints seconds of this process for a sample in its own state, and in 25 states of a
+dynamometer test beside it: five pressures and five temperatures, on which friction and a modulus
+depend.
 """
 
 from __future__ import annotations
@@ -41,6 +46,7 @@ from brake_fenicsx.folder.sample_files import BLOCK, COLUMNS, arrays_of_bytes, b
 
 HERE = Path(__file__).parent
 SCENE = HERE / "scenes" / "disc_brake_demo.toml"
+RESOLVED = HERE / "scenes" / "disc_brake_resolved.toml"
 REAL = 4 * BLOCK  # samples that are computed
 MAIN = "import sys; from brake_fenicsx.cli import main; sys.exit(main(sys.argv[1:]))"
 ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
@@ -200,6 +206,38 @@ def intervals(args: argparse.Namespace) -> None:
             )
 
 
+def states(args: argparse.Namespace) -> None:
+    """One row for each sample but the first, which others start from; then the mean."""
+    from brake_fenicsx import prepare
+
+    with tempfile.TemporaryDirectory() as folder:
+        mu, lining = Path(folder) / "mu.csv", Path(folder) / "lining.csv"
+        axes = "pressure [bar],temperature [degC]"
+        mu.write_text(
+            f"{axes},contact.pad_disc.friction\n5,20,0.4\n5,300,0.5\n40,20,0.45\n40,300,0.35\n"
+        )
+        lining.write_text("temperature [degC],materials.lining.C33 [GPa]\n20,2.27\n300,1.9\n")
+        grid = "'pressure [bar]'=['5','10','15','25','40'],"
+        grid += " 'temperature [degC]'=['20','90','160','230','300']"
+        given = [
+            f"samples.n={args.samples}", "samples.approaches=['multi-scale']", *args.set,
+            f"states={{ grid={{ {grid} }}, tables=['{mu}', '{lining}'] }}",
+        ]  # fmt: skip
+        study, rows = prepare(args.scene, given).study, []
+        print(f"{args.scene.stem}\n{'sample':>8}{'one s':>8}{'25 s':>8}{'ratio':>7}")
+        for k in range(args.samples):
+            row, every = [], study.beside
+            for study.beside in ({}, every):
+                start = time.process_time()
+                study.work(("multi-scale", k))
+                row.append(time.process_time() - start)
+            if k:
+                rows.append(row)
+                print(f"{k:8d}{row[0]:8.2f}{row[1]:8.2f}{row[1] / row[0]:7.1f}", flush=True)
+        one, many = np.mean(rows, axis=0)
+        print(f"{'mean':>8}{one:8.2f}{many:8.2f}{many / one:7.1f}")
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -218,6 +256,11 @@ def main() -> None:
     two.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     two.add_argument("--folder", type=Path, help="keep what is written here, and use it again")
     two.set_defaults(do=merge)
+    three = commands.add_parser("states")
+    three.add_argument("scene", nargs="?", type=Path, default=RESOLVED)
+    three.add_argument("--samples", type=int, default=4)
+    three.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
+    three.set_defaults(do=states)
     args = parser.parse_args()
     args.do(args)
 

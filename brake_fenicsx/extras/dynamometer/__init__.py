@@ -1,15 +1,15 @@
 """Dynamometer: states of a brake, how often each squeals, and beside it the stops that squealed."""
 
+from pathlib import Path
+from typing import Any
+
+from brake_fenicsx.commands import DIRECTORY, argument, command
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extra
 
 _HERE = "brake_fenicsx.extras.dynamometer"
-_MATRIX = (
-    "Share of the samples that squeal in each state, of all modes and of the likeliest families; in"
-    " brackets, where stops were measured, the share of them that squealed."
-)
-_ROC = (
-    "Shares of the stops with squeal and of the quiet ones whose predicted share exceeds a limit."
-)
+_MATRIX = "Samples that squeal in each state [%]; in brackets the stops that did, where measured."
+_ROC = "Stops with squeal and quiet ones whose predicted share exceeds a limit, for all limits."
 EXTRA = Extra(
     name="dynamometer",
     sections={"states": f"{_HERE}.states:States"},
@@ -23,5 +23,29 @@ EXTRA = Extra(
         "states_roc": (f"{_HERE}.page:draw_roc", _ROC),
     },
     page=("states", "States of the brake", f"{_HERE}.page:blocks"),
-    commands=(f"{_HERE}.commands:threshold",),
+    commands=(f"{_HERE}:threshold",),
 )
+
+SAID = "{approach}: {threshold:.4g} (95 %: {threshold_low:.4g} to {threshold_high:.4g}) {note}"
+HELP = "put it into this scene as stability.threshold"
+
+
+@command(
+    DIRECTORY, argument("--write", metavar="SCENE.toml", complete="file", help=HELP), alone=True
+)
+def threshold(options: Any, comm: Any) -> str:
+    """Print the threshold of damping that fits the measured stops of [states] best."""
+    import pandas as pd
+
+    from brake_fenicsx.results.run import read_run
+    from brake_fenicsx.scene.written_back import with_values, write_text
+
+    known = read_run(options.directory).extras.get("states_scores", {"threshold": []})
+    rows = pd.DataFrame(known).dropna(subset="threshold").to_dict("records")
+    if not rows:
+        remedy = "name states.events, some stops with squeal and some without"
+        raise SceneError(f"{options.directory}: tells no threshold; {remedy}")
+    if options.write:
+        file, best = Path(options.write), rows[-1]["threshold"]
+        write_text(file, with_values(file, {("stability", "threshold"): best}))
+    return "\n".join(SAID.format(**row).rstrip() for row in rows)

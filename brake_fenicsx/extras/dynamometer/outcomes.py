@@ -1,12 +1,12 @@
 """What becomes of samples and of stops in the states of a brake: shares, and tables of a run.
 
-Modes are those that grow, in a frame with the columns sample, state, family (-1: none),
-frequency_hz and damping; events are stops that squealed, see ``read_events``.
+Modes are those that grow, in a frame with the columns sample, state, family (its number as text, or
+"none"), frequency_hz and damping; events are stops that squealed, see ``read_events``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -75,25 +75,23 @@ def match(events: Frame, modes: Frame, tolerance: float) -> Frame:
         tolerance: [Hz].
 
     Returns:
-        The events with the columns family, -1 for none; family_frequency_hz; and
+        The events with the columns family, perhaps "none"; family_frequency_hz; and
         families_within_tolerance, of which more than one cannot be told apart.
     """
-    known = modes[modes.family >= 0]
+    known = modes[modes.family != NONE]
     usual = known.groupby("family").frequency_hz.median()
     here = known.groupby(["state", "family"]).frequency_hz.median().unstack()
-    at = here.reindex(events.state, columns=usual.index).fillna(usual).assign(none=np.nan)
+    at = here.reindex(events.state, columns=usual.index).fillna(usual).assign(**{NONE: np.nan})
     apart = np.abs(at.to_numpy() - events.frequency_hz.to_numpy()[:, None])
     near = np.where(apart <= tolerance, apart, np.inf)
     near[:, -1] = np.finfo(float).max
     nearest = near.argmin(axis=1)
-    found = events.assign(family=np.array([*usual.index, -1])[nearest])
+    found = events.assign(family=at.columns[nearest].astype(str))
     found["family_frequency_hz"] = at.to_numpy()[np.arange(len(at)), nearest]
     return found.assign(families_within_tolerance=(apart <= tolerance).sum(axis=1))
 
 
-def shares(
-    states: Frame, modes: Frame, events: Frame, name: str, ranges: Mapping[Any, Any]
-) -> Frame:
+def shares(states: Frame, modes: Frame, events: Frame, name: str, keys: Iterable[Any]) -> Frame:
     """Samples and stops that squeal in each state.
 
     Args:
@@ -101,18 +99,16 @@ def shares(
         modes: that squeal.
         events: stops that squealed.
         name: column of modes and events.
-        ranges: key -> least value of the column, and what lies above its largest one. All modes
-            and events count for the first key.
+        keys: its values; those of all modes and events, "all", come first.
 
     Returns:
-        The columns of the states for each key, with frequency_hz, the median of the modes that
+        For each key the columns of the states, with frequency_hz, the median of the modes that
         squeal there, squeal_samples, share, share_low, share_high, and measured_stops, nan without
-        events. Keys and states are its index.
+        events.
     """
     parts = dict[Any, Frame]()
-    for key, ends in ranges.items():
-        every = modes, events
-        own, heard = (t[t[name].between(*ends, "left")] for t in every) if parts else every
+    for key in (ALL, *keys):
+        own, heard = (t[(t[name] == key) | (key == ALL)] for t in (modes, events))
         each, stops = own.groupby("state"), heard.groupby("state").stop.nunique()
         hits = each["sample"].nunique().reindex(states.index, fill_value=0)
         part = states.assign(frequency_hz=each.frequency_hz.median(), squeal_samples=hits)
@@ -120,27 +116,26 @@ def shares(
         part[["share", "share_low", "share_high"]] = np.array(cells, float)
         measured = stops.reindex(states.index, fill_value=0) if len(events) else np.nan
         parts[key] = part.assign(measured_stops=measured)
-    return pd.concat(parts)
+    return pd.concat(parts, names=[name, "state"]).reset_index()
 
 
 def by_family(states: Frame, modes: Frame, events: Frame) -> Frame:
-    """Shares of all modes, and of each family that squeals, by the column family, a text.
+    """Shares of all modes, of each family that squeals, and of modes without one, "none"."""
+    families = sorted({*modes.family}, key=lambda f: (f == NONE, len(f), f))
+    return shares(states, modes, events, "family", families)
 
-    The last one, "none", is of modes and events without a family.
+
+def occurrence(
+    states: Frame, modes: Frame, events: Frame, bands: Sequence[float], end: float
+) -> Frame:
+    """Per cent of the stops that squeal, by section and by band, between these frequencies [Hz].
+
+    The first band is the whole one up to its end, which holds events of unknown frequency too.
     """
-    numbers = sorted(modes.family.unique(), key=lambda f: (f < 0, f))
-    ranges = {ALL: ()} | {NONE if f < 0 else str(f): (f, f + 1) for f in numbers}
-    found = shares(states, modes, events, "family", ranges)
-    return found.rename_axis(["family", "state"]).reset_index()
-
-
-def occurrence(states: Frame, modes: Frame, events: Frame, bands: list[Any]) -> Frame:
-    """Per cent of the stops that squeal, by band [Hz] and by section.
-
-    The first band is the whole one, which holds events of unknown frequency too.
-    """
-    every = shares(states, modes, events, "frequency_hz", {band: band for band in bands})
-    every = every.rename_axis(["from_hz", "to_hz", "state"]).reset_index()
+    placed = (t.assign(band=np.digitize(t.frequency_hz, bands)) for t in (modes, events))
+    every = shares(states, *placed, "band", range(1, len(bands)))
+    ends = {ALL: (0.0, end), **dict(enumerate(pairwise(bands), 1))}
+    every[["from_hz", "to_hz"]] = [ends[band] for band in every.band]
     every["predicted_percent"] = 100 * every.share.fillna(0) * every.stops
     every["measured_percent"] = 100 * every.measured_stops
     every = pd.concat([every.assign(section=ALL), every[every.section != ""]])
@@ -164,7 +159,7 @@ def outcomes(stored: Any, states: Frame) -> Iterator[tuple[str, Frame, Frame]]:
     groups = dict[str, list[Any]]()
     for (approach, _), data, family in stored.with_arrays("state_"):
         modes = pd.DataFrame({"state": data["state_of"], "damping": data["state_damping"]})
-        modes["family"] = np.append(family, -1)[data["state_mode"]]
+        modes["family"] = np.array([*map(str, family), NONE])[data["state_mode"]]
         modes["frequency_hz"] = data["state_s"].imag / (2 * np.pi)
         groups.setdefault(approach, []).append((modes, data["state_outcome"], data["state_missed"]))
     for approach, group in groups.items():
@@ -184,16 +179,15 @@ def compute(run: Any, study: Any) -> dict[str, RowTable]:
 
 def _tables(scene: Any, store: Any) -> dict[str, RowTable]:
     table, states, parts = scene.section("states"), read_matrix(scene), dict[str, list[Frame]]()
-    events, bands = read_events(scene, states), [(0.0, scene.stability.band[1])]
+    events = read_events(scene, states)
     stored = read_run(store.directory, {"in_effect": in_effect(scene)}).stored
     for approach, found, every in outcomes(stored, states) if stored else ():
         modes = every[every.damping < -scene.stability.threshold]
         heard = match(events, modes, table.tolerance)
         families = by_family(found, modes, heard)
-        per_band = occurrence(found, modes, heard, [*bands, *pairwise(table.bands)])
+        per_band = occurrence(found, modes, heard, table.bands, scene.stability.band[1])
         made = {"states": families, "states_occurrence": per_band}
         if len(events):
-            heard["family"] = heard.family.astype(str).replace("-1", "")
             share = families[["state", "family", "share"]]
             made["states_events"] = heard.merge(share, "left", ["state", "family"])
             made["states_scores"] = scores(families, found.samples, every, scene.samples.limit)

@@ -36,7 +36,7 @@ def blocks(run: RunData) -> list[Block]:
         for name in [n for n in table if f"{n}_low" in table]:
             ends = table[name], table.pop(f"{name}_low"), table.pop(f"{name}_high")
             cells = ["{} ({} to {})".format(*map(show, row)) for row in zip(*ends, strict=True)]
-            table[name] = [text.replace("nan (nan to nan)", "") for text in cells]
+            table[name] = np.where(ends[0].isna(), "", cells)
         heads = [name.replace("_", " ") for name in table]
         found.append(Table.without_empty(heads, cells_of(table)))
     return found
@@ -56,17 +56,15 @@ def draw_matrix(run: RunData) -> Any:
     for (i, j), axis in np.ndenumerate(grid):
         (speed, direction), own = panels[j]
         cells = own[own.family == families[i]].groupby([PRESSURE, TEMPERATURE])
-        means = 100 * cells[["share", "measured"]].mean().unstack().reindex(p)
-        share, measured = (means[name].reindex(columns=T) for name in ("share", "measured"))
+        means = 100 * cells[["share", "measured"]].mean()
+        share = means.share.unstack().reindex(index=p, columns=T)
         image = axis.imshow(share, origin="lower", aspect="auto", vmin=0, vmax=100, cmap="Reds")
-        for (y, x), predicted in np.ndenumerate(share):
-            text = f"{predicted:.0f}\n({measured.iloc[y, x]:.0f})".replace("\n(nan)", "").replace(
-                "nan", ""
-            )
+        for at, predicted, measured in means.dropna(subset="share").itertuples():
+            text = f"{predicted:.0f}" + f"\n({measured:.0f})" * (measured == measured)
+            place = np.searchsorted(T, at[1]), np.searchsorted(p, at[0])
             colour = "white" if predicted > 60 else "black"
-            axis.text(x, y, text, ha="center", va="center", fontsize=6.5, color=colour)
-        title = f"family {families[i]}, {direction}" + f", speed {speed:g}" * bool(speed)
-        title = title.replace("family all", "all modes")
+            axis.text(*place, text, ha="center", va="center", fontsize=6.5, color=colour)
+        title = f"{_named(families[i])}, {direction}" + f", speed {speed:g}" * bool(speed)
         axis.set(title=title, xlabel="temperature [degC]", ylabel="pressure [bar]")
         axis.set_xticks(range(len(T)), [f"{t:g}" for t in T])
         axis.set_yticks(range(len(p)), [f"{x / 1e5:g}" for x in p])
@@ -86,13 +84,15 @@ def draw_roc(run: RunData) -> Any:
     for family in heard[heard.min(axis=1) > 0].measured_stops.nlargest(LINES).index:
         own = states[states.family == family].groupby("share")[["quiet", "measured_stops"]].sum()
         x, y = (own[::-1].cumsum() / own.sum()).to_numpy().T
-        axis.plot(
-            [0, *x], [0, *y], ".-", label=f"family {family}".replace("family all", "all modes")
-        )
+        axis.plot([0, *x], [0, *y], ".-", label=_named(family))
     axis.plot([0, 1], [0, 1], ":", color="grey", label="by chance")
     finish(axis, xlabel="share of quiet stops", ylabel="share of stops with squeal")
     axis.legend()
     return figure
+
+
+def _named(family: str) -> str:
+    return f"family {family}".replace("family all", "all modes")
 
 
 def _shown(run: RunData, name: str) -> Frame:
@@ -108,16 +108,17 @@ def _likeliest(states: Frame, turns: str) -> str:
     if not families.share.max() > 0:
         return "No state squeals."
     own = families[families.family == families.family[families.share.idxmax()]]
-    most = own[own.share >= own.share.max() / 2]
-    where, inside = [], own.direction.isin(most.direction)
+    most, where = own[own.share >= own.share.max() / 2], list[str]()
+    inside = own.direction.isin(most.direction)
     for name, size, unit in zip(AXES, (1e5, 1, 1), ("bar", turns, "degC"), strict=True):
-        low, high = most[name].min(), most[name].max()
-        if np.isfinite(low):
-            inside &= own[name].between(low, high)
-            ends = dict.fromkeys(show(float(x / size)) for x in (low, high))
-            where.append(f"{' to '.join(ends)} {unit}")
+        ends = most[name].agg(["min", "max"])
+        if ends.notna().all():
+            inside &= own[name].between(*ends)
+            where.append(f"{' to '.join(dict.fromkeys(map(show, ends / size)))} {unit}")
     own, f, at = own[inside], most.frequency_hz.median() / 1e3, [*where, *most.direction.unique()]
     share, m, n = own.share.fillna(0) @ own.stops, own.measured_stops.sum(), own.stops.sum()
     heard = "" if own.measured_stops.isna().any() else f", {m:.0f} of {n} stops measured"
-    said = f"{', '.join(at)}: {100 * share / n:.0f} % predicted{heard}"
-    return f"Squeal is likeliest at {f:.3f} kHz, {said}."
+    return (
+        f"Squeal is likeliest at {f:.3f} kHz, {', '.join(at)}: {100 * share / n:.0f} %"
+        f" predicted{heard}."
+    )

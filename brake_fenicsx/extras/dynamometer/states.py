@@ -185,12 +185,10 @@ def _interpolated(path: Path, scene: Scene, states: Frame) -> dict[str, Any]:
     low, high = table[over].min(), table[over].max()
     held = states[over].clip(low, high, axis=1)
     beyond = (states[over] - held).abs() > 1e-9 * high.abs()  # units have round-off
-    for i, name in beyond[beyond].stack().dropna().index:
-        if scene.section("states").outside != "hold":
-            ends = f"lies outside {low[name]:g} to {high[name]:g}; add lines, or write"
-            value = f"{name} = {states[name][i]:g} of state {i}"
-            raise SceneError(f'{path}: {value} {ends} states.outside = "hold"')
-    shape = [*map(len, nodes)]
-    return {
-        n: RegularGridInterpolator(nodes, table[n].to_numpy().reshape(shape))(held) for n in keys
-    }
+    if beyond.any(axis=None) and scene.section("states").outside != "hold":
+        i, name = beyond.stack().idxmax()
+        value = f"{name} = {states[name][i]:g} of state {i} lies outside"
+        ends = f"{low[name]:g} to {high[name]:g}; add lines, or write"
+        raise SceneError(f'{path}: {value} {ends} states.outside = "hold"')
+    values = table[keys].to_numpy().reshape(*map(len, nodes), len(keys))
+    return dict(zip(keys, RegularGridInterpolator(nodes, values)(held).T, strict=True))

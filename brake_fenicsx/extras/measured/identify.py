@@ -18,11 +18,12 @@ from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene.written_back import write_text
 
 from .peaks import Peaks, read_peaks
 from .posterior import Posterior, VariedBody, fill_basis, identified
 from .study import beside, part_name
-from .written_back import target, with_constants, write_text
+from .written_back import target, with_constants
 
 Array = NDArray[np.float64]
 # Modes are computed up to this multiple of the highest peak, and no more than so many.
@@ -109,7 +110,9 @@ def identify(
     said += [block, f"wrote {folder / 'random.toml'}"]
     if scene_file is not None:
         text = with_constants(parsed, material, _values(parsed, material, body, theta, losses))
-        said.append(write_text(scene_file, text, write))
+        said.append(f"wrote the constants into {scene_file}")
+        if write:
+            write_text(scene_file, text)
     return "\n".join(said)
 
 

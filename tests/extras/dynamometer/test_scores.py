@@ -12,7 +12,8 @@ DRAWS, SAMPLES, STATES = 200, 100, 12
 
 def growing(rows):
     """Growing modes, of samples in states."""
-    return pd.DataFrame(rows, columns=["sample", "state", "family", "frequency_hz", "damping"])
+    modes = pd.DataFrame(rows, columns=["sample", "state", "family", "frequency_hz", "damping"])
+    return modes.astype({"family": str})
 
 
 def brake(states, stops, samples=SAMPLES):
@@ -81,7 +82,7 @@ def test_two_families_closer_than_the_tolerance_are_counted():
                    (2, 0, 3000.0, 80.0), (2, 1, np.nan, 80.0))  # fmt: skip
     found = match(heard, modes, 100.0)
     # The family of 5 kHz does not squeal in state 1: its frequency is that of the others.
-    assert [*found.family] == [1, 2, 3, -1, -1]
+    assert [*found.family] == ["1", "2", "3", "none", "none"]
     assert [*found.families_within_tolerance] == [2, 2, 1, 0, 0]
     at = [2000.0, 2080.0, 5000.0, np.nan, np.nan]
     np.testing.assert_allclose(found.family_frequency_hz, at)
@@ -90,9 +91,9 @@ def test_two_families_closer_than_the_tolerance_are_counted():
 @pytest.mark.hard
 def test_events_match_nothing_where_nothing_squeals():
     """Without a mode that squeals an event has no family, and no state squeals."""
-    none = growing([]).astype({"family": int, "state": int, "frequency_hz": float})
+    none = growing([]).astype({"state": int, "frequency_hz": float})
     found = match(events((1, 0, 2030.0, 80.0)), none, 100.0)
-    assert [*found.family] == [-1] and found.family_frequency_hz.isna().all()
+    assert [*found.family] == ["none"] and found.family_frequency_hz.isna().all()
     shares = by_family(brake(2, 4), none, found)
     assert [*shares.share] == [0.0, 0.0] and [*shares.measured_stops] == [1, 0]
 
@@ -111,8 +112,7 @@ def test_hits_misses_and_false_alarms_by_hand():
 def test_stops_are_counted_by_section_and_band():
     modes = growing([(k, 1, 7, 2000.0, -0.1) for k in range(50)])
     states, heard = brake(2, [4, 6]).assign(section=["a", "b"]), events((2, 0, 5e3, 80.0))
-    bands = [(0.0, 9e3), (1e3, 3e3), (3e3, 9e3)]
-    found = occurrence(states, modes, match(heard, modes, 100.0), bands)
+    found = occurrence(states, modes, match(heard, modes, 100.0), [1e3, 3e3, 9e3], 9e3)
     found = found.set_index(["section", "from_hz"])[["predicted_percent", "measured_percent"]]
     assert [*found.loc["all", 0.0]] == [20.0, 10.0] and [*found.loc["a", 1e3]] == [50.0, 0.0]
     np.testing.assert_allclose(found.loc["b", 3e3], [0.0, 100 / 6])

@@ -86,6 +86,14 @@ def test_beyond_a_table_its_last_value_is_held_where_the_scene_says_so(scene):
     np.testing.assert_allclose(state_values(found, read_matrix(found))[FRICTION].iloc[1], 0.6)
 
 
+def test_only_what_states_use_of_a_table_widens_the_reduced_model(scene):
+    """A line far beyond the states, whose modulus no reduced model holds, changes nothing."""
+    lining = "temperature [degC],materials.lining.C33 [GPa]\n20,2.27\n120,2.0\n{}"
+    one, two = (scene(table=lining.format(more)) for more in ("", "900,0.01\n"))
+    assert one.spanned == two.spanned
+    assert np.ptp(one.spanned["materials.lining.C33"]) == pytest.approx(0.27e9)
+
+
 @pytest.mark.hard
 @pytest.mark.parametrize(
     ("table", "said"),
@@ -114,6 +122,18 @@ def test_formulas_are_lengths_of_the_place_and_the_state():
     found = gap("-2 um * ((r - 3 mm) / mm) ** 2 + 1 um * temperature / (50 K)",
                 np.array([3e-3, 4e-3]), temperature=100.0)  # fmt: skip
     np.testing.assert_allclose(found, [2e-6, 0.0], atol=1e-18)
+
+
+def test_a_gap_of_a_file_is_exact_at_its_points(tmp_path):
+    x = np.array([[-1e-3, 0.0], [2e-3, 1e-3], [0.0, -1e-3], [1e-3, 2e-3]])
+    rows = "\n".join(f"{1e3 * a},{1e3 * b},{i}" for i, (a, b) in enumerate(x))
+    (tmp_path / "wear.csv").write_text(f"x [mm],y [mm],gap [um]\n{rows}\n")
+    contact = SimpleNamespace(interface=np.zeros(4, int), points=np.insert(x, 2, 0.0, axis=1))
+    table = SimpleNamespace(gap={"pad": "wear.csv"})
+    scene = SimpleNamespace(
+        contact={"pad": None}, motion=None, section=lambda name: table, path=tmp_path.joinpath
+    )
+    np.testing.assert_allclose(imposed_gap(scene, contact, {}), 1e-6 * np.arange(4), atol=1e-15)
 
 
 @pytest.mark.hard
