@@ -159,10 +159,10 @@ def at_values(sample: SampleInput, values: Mapping[str, float]) -> SampleInput:
         laws = replace(laws, laws=_penalty(given))
     else:
         scaled = random_inputs.scaled_interfaces(scene) if given.materials else ()
-        both, factors = (given, sample.values), dict.fromkeys(scene.contact, 1.0)
-        factors |= {n: np.divide(*(random_inputs.law_factor(n, v) for v in both)) for n in scaled}
+        factor, factors = random_inputs.law_factor, dict.fromkeys(scene.contact, 1.0)
+        factors |= {n: factor(n, given) / factor(n, sample.values) for n in scaled}
         if {*factors.values()} != {1.0}:
-            parts = [micro.scaled_laws(laws.laws, float(x)) for x in factors.values()]
+            parts = [micro.scaled_laws(laws.laws, x) for x in factors.values()]
             index = laws.index + brake.reference.contact.interface * len(laws.laws)
             laws = replace(laws, laws=micro.join_laws(parts), index=index)
     friction = friction_of_contact(brake.contact, approach, given)

@@ -132,9 +132,9 @@ def occurrence(
 
     The first band is the whole one up to its end, which holds events of unknown frequency too.
     """
-    placed = (t.assign(band=np.digitize(t.frequency_hz, bands)) for t in (modes, events))
-    every = shares(states, *placed, "band", range(1, len(bands)))
-    ends = {ALL: (0.0, end), **dict(enumerate(pairwise(bands), 1))}
+    modes, events = (t.assign(band=np.digitize(t.frequency_hz, bands)) for t in (modes, events))
+    every = shares(states, modes, events, "band", range(1, len(bands)))
+    ends: dict[Any, Any] = {ALL: (0.0, end), **dict(enumerate(pairwise(bands), 1))}
     every[["from_hz", "to_hz"]] = [ends[band] for band in every.band]
     every["predicted_percent"] = 100 * every.share.fillna(0) * every.stops
     every["measured_percent"] = 100 * every.measured_stops
