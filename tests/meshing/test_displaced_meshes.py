@@ -173,7 +173,7 @@ def swept(low, high):
 @pytest.mark.parametrize(
     ("kind", "form", "more"),
     [
-        (COARSE, "msh", {}),
+        pytest.param(COARSE, "msh", {}, marks=pytest.mark.slow),
         (("tetrahedra", 2, 14e-3), "inp", {}),
         (TETRAHEDRA, "msh", {"degree": 1, "mass": "lumped"}),
         (COARSE, "inp", {}),
@@ -265,6 +265,7 @@ def lamb(height, length):
     return float(brentq(rest, 0.7 * thin, 1.01 * thin) / (2 * np.pi))
 
 
+@pytest.mark.slow
 def test_frequencies_of_a_plate_follow_its_thickness(written):
     """Guided ends, plane strain: an exact wave of a plate, however the nodes inside move."""
 
@@ -326,9 +327,9 @@ def test_derivative_to_a_length_is_that_of_files_beside_it(move, written):
 @pytest.mark.parametrize(
     ("kind", "sets"),
     [
-        (COARSE, []),
+        pytest.param(COARSE, [], marks=pytest.mark.slow),
         (TETRAHEDRA, [TURNING, "contact.pad_plate.discretisation='quadrature'"]),
-        (TETRAHEDRA, ["stability.damping={ sliding=true }"]),
+        pytest.param(TETRAHEDRA, ["stability.damping={ sliding=true }"], marks=pytest.mark.slow),
     ],
 )
 def test_a_face_in_contact_may_slide_over_the_other(kind, sets, written):
@@ -592,6 +593,7 @@ def test_cells_that_fold_between_two_good_meshes(written):
 
 
 @pytest.mark.hard
+@pytest.mark.slow
 def test_a_length_over_a_factor_of_three(written):
     """Close to where cells fold: modes within their stated errors, no wrong verdict."""
     prepared = model.prepare(written(), parameters={KEY: (4e-3, 12e-3)})
