@@ -339,16 +339,16 @@ def _prepared(
         # PETSc starts on all processes together, and those of a pool wait for work elsewhere.
         start_petsc(comm=comm)
     check_folder(store, result_digest(parsed), comm)
-    stats = check(parsed, comm)
+    surfaces = check(parsed, comm)
     if extensions is not None:
         parsed = with_objects(parsed, extensions)
     this = Run(parsed, comm, store, SharedCache(store, cache))
     if store.share is None:
         store.open(scene_text(parsed))
-    brake, library = before_samples(this, stats)
+    brake, library = before_samples(this, surfaces)
     if brake is None:
         raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
-    return make_study(this, stats, library, brake)
+    return make_study(this, surfaces, library, brake)
 
 
 def _unit(scene: Scene, key: str) -> str:
