@@ -57,7 +57,8 @@ def describe(
     parsed = read_scene(scene, overrides)
     surfaces = check(parsed, comm)
     stats = surfaces.get("surface")
-    lines = [f"{parsed.file}: stages {', '.join(parsed.stages)}"]
+    stages = ", ".join(parsed.stages) or "none: parts alone, for correlate and identify"
+    lines = [f"{parsed.file}: stages {stages}"]
     lines += [line for where, one in surfaces.items() for line in _surface_lines(where, one)]
     built: dict[str, Any] = {}
     told, noted, samples, side = list[str](), list[str](), dict[str, int](), None
@@ -110,7 +111,7 @@ def describe(
         }  # fmt: skip
         lines = [json.dumps(content, indent=1)]
     else:
-        costs = cost_lines(memory, seconds, comm.size)
+        costs = cost_lines(memory, seconds, comm.size) if seconds else []
         measured = _measured(Path.cwd() / f"{parsed.file.stem}-results")
         lines = [] if quiet else [*lines, *costs, *measured]
         lines += [f"warning: {text}" for text in noted]

@@ -64,16 +64,6 @@ class Model:
             f"Model({self.scene.file.name}: {approaches}; {self.study.brake.size()['dofs']} dofs)"
         )
 
-    @classmethod
-    def from_scene(
-        cls,
-        scene: str | Path | Mapping[str, Any],
-        overrides: Sequence[str] = (),
-        directory: str | Path | None = None,
-    ) -> Model:
-        """Prepare a scene; the arguments are those of ``prepare``."""
-        return prepare(scene, overrides, directory)
-
     def _repr_html_(self) -> str:
         """What was prepared, as a table of a notebook."""
         rows: list[list[Any]] = [["samples", len(self.study.tasks)]]

@@ -162,7 +162,7 @@ def _spectrum(stats: SurfaceStatistics) -> Iterator[str]:
                 '; if not, surface.spectrum = "measured"' if fitted else ""
             )
         yield (
-            f"the PSD flattens above {fit.q_c:.3g} rad/m (slope {fit.c2:.2f} after"
+            f"the PSD flattens above {fit.q_c / 1e3:.3g} 1/mm (slope {fit.c2:.2f} after"
             f" {fit.c1:.2f}){', which the bi-fractal model cannot represent' * fitted}: {why}"
         )
     wave, ratio = worst_octave(stats.psd, fit) if stats.psd and fitted else (np.nan, 1.0)
