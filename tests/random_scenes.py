@@ -217,9 +217,10 @@ def compared(study, task):
     )  # fmt: skip
 
 
-def hunted(seed):
+def hunted(seed, **stability):
     """Samples of a random scene beside LAPACK; what refused the scene, if anything did."""
     scene = with_band(random_scene(seed), seed)
+    scene["stability"] |= stability
     try:
         study = prepare(scene).study
     except InaccurateResult as error:

@@ -68,6 +68,7 @@ def called(account, *words, **more):
 
 
 @pytest.mark.hard
+@pytest.mark.slow
 def test_the_mesh_of_the_demo_is_the_same_in_every_account(accounts):
     """~/.gmshrc with a size factor of 2 and two threads: the same mesh, node by node."""
     words, found = ["check", str(SCENES / "disc_brake_demo.toml"), "--json", "-q"], set()
@@ -80,6 +81,7 @@ def test_the_mesh_of_the_demo_is_the_same_in_every_account(accounts):
 
 
 @pytest.mark.hard
+@pytest.mark.slow
 def test_a_run_is_the_same_in_every_account(accounts):
     """Options of gmsh, PETSc, DOLFINx, FFCx and matplotlib, seed and locale change no byte."""
     words = ["run", str(SCENES / "squealing_block.toml"), "-o", "out"]

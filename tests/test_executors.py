@@ -24,7 +24,7 @@ from brake_fenicsx.results.sample_blocks import LARGE
 from coarse_block import BLOCK, ROUGH
 from processes import parallel
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 COUNT = 6
 CHANGES = [*ROUGH, f"samples.n={COUNT}"]
 SPAWN = get_context("spawn")

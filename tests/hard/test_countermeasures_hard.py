@@ -37,6 +37,7 @@ def test_a_window_narrower_than_a_step_is_not_seen():
     assert found.value is None and found.share.value == 1.0
 
 
+@pytest.mark.slow
 def test_values_without_an_equilibrium_are_no_remedy(tmp_path):
     """The block tips above a friction of about 0.9: failed samples count as squeal."""
     page = module.find_countermeasures(

@@ -83,7 +83,12 @@ def beside(study, sample):
 
 
 @pytest.mark.parametrize(
-    ("case", "kind"), [("damped", "friction"), ("damped", "load"), ("random", "load")]
+    ("case", "kind"),
+    [
+        pytest.param("damped", "friction", marks=pytest.mark.slow),
+        ("damped", "load"),
+        ("random", "load"),
+    ],
 )
 def test_friction_and_load_agree_with_samples_beside(studied, case, kind):
     """Central differences of whole samples: equilibrium, contact stiffness and pressures follow.

@@ -185,7 +185,7 @@ def test_count_needs_no_eigensolver(two_blocks):
 
 
 @pytest.mark.hard
-@pytest.mark.parametrize("beyond", [50, 200, 1000])
+@pytest.mark.parametrize("beyond", [50, 200, pytest.param(1000, marks=pytest.mark.slow)])
 def test_many_modes_beyond_the_region(beyond):
     """Up to a thousand poles just beyond the edge, which turn the phase: the count is the truth."""
     for seed in range(8):

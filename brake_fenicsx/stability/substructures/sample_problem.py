@@ -39,6 +39,9 @@ from .polynomials import Coefficients, Zeros, applied
 # Steps at most of the motions y and eta.
 STEPS = 8
 
+# Groups of zeros, each with a point beside it, at this distance in z, where T is inverted.
+GROUPS, BESIDE = 4, 0.1
+
 # Coefficients for the first step of eta where forces follow rates.
 FIRST = 2
 
@@ -63,7 +66,7 @@ class Quotient:
         products: b_i' T(z_j) a_j of left vectors i and zeros j, shape (zeros, zeros); and those of
             the left vectors' conjugates.
         slope: b' T'(z) a.
-        unsolved: what y and eta leave, over the slope.
+        unsolved: what y and eta, the vectors and the stored digits leave, over the slope.
         y: motions that contact forces follow, shape (followed rows, zeros).
         right: a of each zero.
         left: [eta; b], the motions of what is left out that are seen.
@@ -194,7 +197,38 @@ class SampleProblem:
         slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
         rest = applied(self.own, w, a) + applied(self.forced, w, u)
         products = b.T @ rest + eta.T @ unsolved, b.conj().T @ rest + eta.conj().T @ unsolved
+        back = applied(self.own, w, b, True) + applied(self.source, w, eta, True)
+        left = left + self._second_order(z, rest, back) + self._round_off(w, eta, u)
         return Quotient(products, slope, left / np.abs(slope), y, a, np.vstack([eta, b]))
+
+    def _second_order(self, z: Complex, rest: Complex, back: Complex) -> Array:
+        """Size of l' T^-1 r of the residuals r = T(z) a and l = T(z)' b of each zero.
+
+        The quotient is of second order in the errors of its vectors. T is taken next to the zeros,
+        where it is regular in their directions as well.
+
+        Args:
+            z: zeros.
+            rest: r, shape (kept modes, zeros).
+            back: l, likewise.
+        """
+        out = np.zeros(z.size)
+        for group in np.array_split(np.argsort(np.abs(z), kind="stable"), GROUPS):
+            if group.size:
+                beside = z[group].mean() + BESIDE * (1.0 if self.rows.rates else 1j)
+                T = np.tensordot(beside ** np.arange(len(self.T)), self.T, 1)
+                x = np.linalg.solve(T, rest[:, group])
+                out[group] = np.abs(_paired(back[:, group], x))
+        return out
+
+    def _round_off(self, w: Complex, eta: Complex, u: Complex) -> Array:
+        """Size of eta' E u of the digits that the coefficients of E lack, independent ones."""
+        total = np.zeros(w.size)
+        for n, A in enumerate(self.E):
+            if A.size:
+                usual = float(np.linalg.norm(A)) / np.sqrt(A.size)
+                total += np.finfo(A.dtype).eps * usual * np.abs(w) ** n
+        return total * la.norm(eta, axis=0) * la.norm(u, axis=0)
 
     def slope(
         self,
