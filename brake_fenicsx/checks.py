@@ -15,6 +15,7 @@ from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import active_terms, rubs, slides
 from brake_fenicsx.scene.keys import dotted
 from brake_fenicsx.scene.scalars import changes_bodies
+from brake_fenicsx.scene.scene import own_surface
 from brake_fenicsx.scene.surface_section import MAX_PIXELS
 from brake_fenicsx.scene.warnings import unusual
 
@@ -29,19 +30,21 @@ ROOM = 4.0  # side of a patch over that of the scan, beyond which waves are assu
 LARGE_SCAN = 0.05  # m, longest side of most scans
 
 
-def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
+def check(scene: Scene, comm: MPI.Comm) -> dict[str, SurfaceStatistics]:
     """Everything that can be refused before anything is written.
 
     Returns:
-        Statistics of the surface; None where the scene names none.
+        Statistics of the surfaces by their sections: ``surface``, and that of each interface with
+        one of its own.
     """
-    stats = None
+    surfaces: dict[str, SurfaceStatistics] = {}
     if "surface" in scene.stages:
         from brake_fenicsx.build.measured_surface import read_surface
 
-        stats = read_surface(scene)
+        surfaces["surface"] = read_surface(scene)
         for name, own in scene.of_own_surface.items():
-            read_surface(own, f"contact.{name}.surface")
+            where = own_surface(name)
+            surfaces[where] = read_surface(own, where)
     if "equilibrium" in scene.stages:
         from brake_fenicsx.build.brake import check_brake
 
@@ -50,7 +53,7 @@ def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
             from brake_fenicsx.build.values import check_box
 
             check_box(scene)
-    return stats
+    return surfaces
 
 
 def remarks(scene: Scene, comm: MPI.Comm) -> list[str]:
@@ -141,17 +144,24 @@ def _swapped(scene: Scene) -> Iterator[str]:
                 moves, here {second!r}, which has a load; write the pad's face first"""
 
 
-def surface_warnings(scene: Scene, stats: SurfaceStatistics | None) -> list[str]:
+def surface_warnings(
+    scene: Scene, stats: SurfaceStatistics | None, where: str = "surface"
+) -> list[str]:
     """What is doubtful about scans and about the pixels of the laws: a line each.
 
     Args:
         scene: the scene, its patch in metres where it is known.
         stats: statistics of its surface.
+        where: the section of that surface.
     """
     if stats is None:
         return []
     rules = (_too_smooth, _large_scans, _coarse_patch)
-    return [*stats.warnings, *(one_line(text) for rule in rules for text in rule(scene, stats))]
+    texts = [*stats.warnings, *(one_line(text) for rule in rules for text in rule(scene, stats))]
+    if where == "surface":
+        return texts
+    own = (text.removeprefix("surface: ").replace("surface.", f"{where}.") for text in texts)
+    return [f"{where}: {text}" for text in own]
 
 
 def _large_scans(_: Scene, stats: SurfaceStatistics) -> Iterator[str]:
@@ -225,6 +235,22 @@ def with_patch(scene: Scene, mean_patch: float) -> Scene:
         return scene
     # Few digits: sums over contact elements differ in the last ones with the number of processes.
     return replace(scene, micro=replace(scene.micro, patch=float(f"{mean_patch:.6g}")))
+
+
+def with_own_laws(own: Scene, interface: str, stats: SurfaceStatistics) -> Scene:
+    """Scene of an interface's own surface with the pixels of its laws; no [micro] if it has none.
+
+    Args:
+        own: the scene with this surface as [surface].
+        interface: whose surface it is.
+        stats: statistics of the surface.
+    """
+    micro = own.micro
+    if micro is None or "micro" not in own.stages or own.contact[interface].law != "library":
+        return replace(own, micro=None)
+    # As many as this scan resolves, not the other.
+    pixels = own.table["micro"].get("pixels", "scan")
+    return with_pixels(replace(own, micro=replace(micro, pixels=pixels)), stats)
 
 
 def with_pixels(scene: Scene, stats: SurfaceStatistics | None) -> Scene:

@@ -14,6 +14,7 @@ from brake_fenicsx.checks import (
     remarks,
     surface_warnings,
     warnings,
+    with_own_laws,
     with_patch,
     with_pixels,
 )
@@ -30,6 +31,7 @@ from brake_fenicsx.costs import (
 )
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.approaches import active_terms, listed
+from brake_fenicsx.scene.scene import own_surface
 from brake_fenicsx.scene.units import several
 
 if TYPE_CHECKING:
@@ -53,8 +55,11 @@ def describe(
         SceneError: the scene is wrong.
     """
     parsed = read_scene(scene, overrides)
-    stats = check(parsed, comm)
-    lines = [f"{parsed.file}: stages {', '.join(parsed.stages)}", *_scan_lines(stats)]
+    surfaces = check(parsed, comm)
+    stats = surfaces.get("surface")
+    stages = ", ".join(parsed.stages) or "none: parts alone, for correlate and identify"
+    lines = [f"{parsed.file}: stages {stages}"]
+    lines += [line for where, one in surfaces.items() for line in _surface_lines(where, one)]
     built: dict[str, Any] = {}
     told, noted, samples, side = list[str](), list[str](), dict[str, int](), None
     if "equilibrium" in parsed.stages:
@@ -82,11 +87,18 @@ def describe(
         lines += [*inventory_lines(parsed, parts, interfaces), *told]
         lines += _sample_lines(parsed, samples)
     parsed = with_pixels(parsed, stats)
-    lines += _law_lines(parsed, side)
+    lines += _law_lines(parsed, side, "laws")
     size = built.get("dofs", 0), built.get("contact_elements", 0)
     memory = run_sizes(parsed, samples, *size)
     seconds = calibrated_seconds(parsed, samples, *size, work_of_a_second())
     noted += [*warnings(parsed, side), *surface_warnings(parsed, stats)]
+    for name, own in parsed.of_own_surface.items():
+        where = own_surface(name)
+        own = with_own_laws(own, name, surfaces[where])
+        lines += _law_lines(own, side, f"{where}: laws")
+        noted += surface_warnings(own, surfaces[where], where)
+        more = calibrated_seconds(own, samples, *size, work_of_a_second()).get("micro", 0.0)
+        seconds["micro"] = seconds.get("micro", 0.0) + more
     if as_json:
         content = {
             "scene": str(parsed.file), "stages": parsed.stages, **built,
@@ -99,7 +111,7 @@ def describe(
         }  # fmt: skip
         lines = [json.dumps(content, indent=1)]
     else:
-        costs = cost_lines(memory, seconds, comm.size)
+        costs = cost_lines(memory, seconds, comm.size) if seconds else []
         measured = _measured(Path.cwd() / f"{parsed.file.stem}-results")
         lines = [] if quiet else [*lines, *costs, *measured]
         lines += [f"warning: {text}" for text in noted]
@@ -115,8 +127,9 @@ def _measured(folder: Path) -> list[str]:
     return [f"measured: the run in {folder.name} took {stage_times(facts['seconds'])} on {on}"]
 
 
-def _scan_lines(stats: SurfaceStatistics | None) -> Iterator[str]:
-    for one in stats.each if stats else ():
+def _surface_lines(where: str, stats: SurfaceStatistics) -> Iterator[str]:
+    yield f"{where}: {stats.told}"
+    for one in stats.each:
         if (scan := one.topography) is None:
             continue
         (nx, ny), (lx, ly) = scan.shape, (1e3 * v for v in scan.size)
@@ -143,13 +156,13 @@ def _sample_lines(scene: Scene, samples: Mapping[str, int]) -> Iterator[str]:
     yield f"friction: {listed(scene)}"
 
 
-def _law_lines(scene: Scene, side: float | None) -> Iterator[str]:
+def _law_lines(scene: Scene, side: float | None, title: str) -> Iterator[str]:
     micro = scene.micro
     if micro is None or "micro" not in scene.stages:
         return
     patch = float(micro.patch)
     area = f"; mean area of a contact element / patch = {((side or 0.0) / patch) ** 2:.3g}"
     yield (
-        f"laws: {micro.laws} of {micro.pixels} x {micro.pixels} points, patches with"
+        f"{title}: {micro.laws} of {micro.pixels} x {micro.pixels} points, patches with"
         f" a side of {1e3 * patch:.4g} mm{area if side else ''}"
     )

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from brake_fenicsx.errors import SceneError
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -42,12 +44,19 @@ class Shown:
 
         Returns:
             These axes.
+
+        Raises:
+            SceneError: fewer or more axes than panels.
         """
         if ax is None:
             import matplotlib.pyplot as plt
 
             _, ax = plt.subplots(self.PANELS, 1, sharex=True, constrained_layout=True)
-        self._draw(*(ax if self.PANELS > 1 else [ax]))
+        panels = list(getattr(ax, "flat", ax if isinstance(ax, list | tuple) else [ax]))
+        if len(panels) != self.PANELS:
+            raise SceneError(f"""plot: ax has {len(panels)} axes, and {self.PANELS} are drawn; give
+                plt.subplots({self.PANELS})[1], or none""")
+        self._draw(*panels)
         return ax
 
 

@@ -64,16 +64,6 @@ class Model:
             f"Model({self.scene.file.name}: {approaches}; {self.study.brake.size()['dofs']} dofs)"
         )
 
-    @classmethod
-    def from_scene(
-        cls,
-        scene: str | Path | Mapping[str, Any],
-        overrides: Sequence[str] = (),
-        directory: str | Path | None = None,
-    ) -> Model:
-        """Prepare a scene; the arguments are those of ``prepare``."""
-        return prepare(scene, overrides, directory)
-
     def _repr_html_(self) -> str:
         """What was prepared, as a table of a notebook."""
         rows: list[list[Any]] = [["samples", len(self.study.tasks)]]
@@ -339,16 +329,16 @@ def _prepared(
         # PETSc starts on all processes together, and those of a pool wait for work elsewhere.
         start_petsc(comm=comm)
     check_folder(store, result_digest(parsed), comm)
-    stats = check(parsed, comm)
+    surfaces = check(parsed, comm)
     if extensions is not None:
         parsed = with_objects(parsed, extensions)
     this = Run(parsed, comm, store, SharedCache(store, cache))
     if store.share is None:
         store.open(scene_text(parsed))
-    brake, library = before_samples(this, stats)
+    brake, library = before_samples(this, surfaces)
     if brake is None:
         raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
-    return make_study(this, stats, library, brake)
+    return make_study(this, surfaces, library, brake)
 
 
 def _unit(scene: Scene, key: str) -> str:

@@ -26,6 +26,7 @@ from brake_fenicsx.checks import (
     remarks,
     surface_warnings,
     warnings,
+    with_own_laws,
     with_patch,
     with_pixels,
 )
@@ -41,6 +42,7 @@ from brake_fenicsx.results.versions import differences, versions
 from brake_fenicsx.scene import STAGES, Scene, read_scene
 from brake_fenicsx.scene.approaches import friction_texts, listed
 from brake_fenicsx.scene.digest import in_effect, result_digest
+from brake_fenicsx.scene.scene import own_surface
 from brake_fenicsx.stages import Run
 
 if TYPE_CHECKING:
@@ -53,6 +55,8 @@ if TYPE_CHECKING:
     from brake_fenicsx.surface import SurfaceStatistics
     from brake_fenicsx.surface.waviness import Waviness
     from brake_fenicsx.sweeps.sweep_study import SweepStudy
+
+    Surfaces = Mapping[str, SurfaceStatistics]  # by the section of each
 
 DRAWING = 4  # parts of the figures, drawn by as many processes at most: each reads all results
 
@@ -135,7 +139,7 @@ def run(
     check_folder(store, result_digest(parsed), comm)
     if not (parsed.samples.approaches and "equilibrium" in parsed.stages) and (share or prepare):
         raise SceneError(f"{parsed.file}: has no samples to be shared; write `run`, no --share")
-    stats = check(parsed, comm)
+    surfaces = check(parsed, comm)
     shared = SharedCache(store, None if cache is None else Path(cache))
     this = Run(parsed, comm, store, shared, prepare=prepare, pictures=pictures)
     new = not store.directory.exists()
@@ -151,7 +155,7 @@ def run(
         for text in remarks(parsed, comm):
             logger.info("%s", text)
         this.warn([*warnings(parsed), *_made_otherwise(store)])
-        _finish(this, stats, new)
+        _finish(this, surfaces, new)
     finally:
         if store.lock is not None:
             store.lock.leave()
@@ -168,13 +172,13 @@ def _made_otherwise(store: Store) -> list[str]:
     return [f"results in {store.directory} and this run differ: {'; '.join(made)}"] * bool(made)
 
 
-def _finish(this: Run, stats: SurfaceStatistics | None, new: bool) -> None:
+def _finish(this: Run, surfaces: Surfaces, new: bool) -> None:
     """All stages, in a folder that was opened and is ours until the samples begin."""
     from brake_fenicsx.results.run import read_run
 
     store, comm = this.store, this.comm
     try:
-        compute(this, stats)
+        compute(this, surfaces)
     except SceneError:
         # What only the mesh or the laws could tell; a folder with samples is kept.
         if new and comm.rank == 0 and not any(store.path("samples").iterdir()):
@@ -190,11 +194,9 @@ def _finish(this: Run, stats: SurfaceStatistics | None, new: bool) -> None:
             this.write_summary()
 
 
-def before_samples(
-    this: Run, stats: SurfaceStatistics | None
-) -> tuple[Brake | None, LawLibrary | None]:
+def before_samples(this: Run, surfaces: Surfaces) -> tuple[Brake | None, LawLibrary | None]:
     """Brake and laws of a scene, as far as its stages ask for them; collective."""
-    stages = this.scene.stages
+    stages, stats = this.scene.stages, surfaces.get("surface")
     # First, since laws may be made for the mean contact element.
     brake = brake_stage(this) if "equilibrium" in stages else None
     this.scene = with_pixels(this.scene, stats)
@@ -203,11 +205,11 @@ def before_samples(
     return brake, micro_stage(this, stats) if "micro" in stages and stats else None
 
 
-def compute(this: Run, stats: SurfaceStatistics | None) -> None:
+def compute(this: Run, surfaces: Surfaces) -> None:
     """All stages but the report."""
-    brake, library = before_samples(this, stats)
+    brake, library = before_samples(this, surfaces)
     if brake is not None:
-        mechanics(this, stats, library, brake)
+        mechanics(this, surfaces, library, brake)
     if this.comm.rank == 0 and this.whole:
         this.write_summary()
     this.comm.Barrier()
@@ -216,7 +218,6 @@ def compute(this: Run, stats: SurfaceStatistics | None) -> None:
 def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
     """Write what is known of the surface."""
     with this.stage("surface"):
-        fit = stats.bifractal
         for one in stats.each:
             if one.missing + one.outliers:
                 name = Path(one.topography.source).name if one.topography else ""
@@ -225,11 +226,7 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
         if stats.scans:
             logger.info("means over %d scans, each of %d x %d points", len(stats.scans),
                         *stats.topographies[0].shape)  # fmt: skip
-        logger.info(
-            "scan: S_q %.2f um, S_sk %.3f, S_ku %.3f; power spectrum: slopes %.2f and %.2f, which"
-            " meet at q_c = %.1f 1/mm",
-            stats.S_q * 1e6, stats.S_sk, stats.S_ku, fit.c1, fit.c2, fit.q_c / 1e3,
-        )  # fmt: skip
+        logger.info("surface: %s", stats.told)
         this.warn(surface_warnings(this.scene, stats))
         if this.comm.rank == 0:
             from brake_fenicsx.report.figure_inputs import surface_arrays
@@ -285,14 +282,13 @@ def note_open_points(this: Run) -> None:
         logger.warning("%s", text)
 
 
-def make_study(
-    this: Run, stats: SurfaceStatistics | None, library: LawLibrary | None, brake: Brake
-) -> Study:
+def make_study(this: Run, surfaces: Surfaces, library: LawLibrary | None, brake: Brake) -> Study:
     """What the samples of a scene share, made or read from the folder; collective."""
     from brake_fenicsx.samples.study import Study
 
+    stats = surfaces.get("surface")
     hdf, waviness = stats.hdf if stats else None, _waviness(this.scene, stats)
-    zones = _zones(this)
+    zones = _zones(this, surfaces)
     study = Study(
         this.scene, brake, library, hdf, this.store, this.comm, this.cache, waviness, zones
     )  # fmt: skip
@@ -313,32 +309,32 @@ def _waviness(scene: Scene, stats: SurfaceStatistics | None) -> Waviness | None:
     return Waviness(stats.spectrum, float(scene.micro.patch), scene.surface.low)
 
 
-def _zones(this: Run) -> dict[str, Roughness]:
+def _zones(this: Run, surfaces: Surfaces) -> dict[str, Roughness]:
     """Interfaces that have a surface of their own, and what is made of it; collective."""
-    from brake_fenicsx.build.measured_surface import read_surface
+    from brake_fenicsx.report.figure_inputs import surface_numbers
     from brake_fenicsx.samples.sampling import Roughness
 
     found: dict[str, Roughness] = {}
     for number, (name, own) in enumerate(this.scene.of_own_surface.items()):
         library: LawLibrary | None = None
-        stats = read_surface(own, f"contact.{name}.surface")
-        logger.info("contact.%s.surface: S_q %.2f um", name, 1e6 * stats.S_q)
-        if own.micro is not None and "micro" in own.stages and own.contact[name].law == "library":
-            # As many as this scan resolves, not the other.
-            pixels = this.scene.table["micro"].get("pixels", "scan")
-            own = with_pixels(replace(own, micro=replace(own.micro, pixels=pixels)), stats)
-            library = micro_stage(replace(this, scene=own), stats, f"zones/laws_{number}.npz")
+        where = own_surface(name)
+        stats = surfaces[where]
+        logger.info("%s: %s", where, stats.told)
+        if this.comm.rank == 0:
+            this.facts.setdefault("own_surfaces", {})[where] = surface_numbers(stats)
+        laws = with_own_laws(own, name, stats)
+        this.warn(surface_warnings(laws, stats, where))
+        if laws.micro is not None:
+            library = micro_stage(replace(this, scene=laws), stats, f"zones/laws_{number}.npz")
         found[name] = Roughness(library, stats.hdf, _waviness(own, stats))
     return found
 
 
-def mechanics(
-    this: Run, stats: SurfaceStatistics | None, library: LawLibrary | None, brake: Brake
-) -> None:
+def mechanics(this: Run, surfaces: Surfaces, library: LawLibrary | None, brake: Brake) -> None:
     """Shared reduction, and every sample's equilibrium and modes."""
     from brake_fenicsx.results.output import prepare_blocks, save_stage
 
-    study = make_study(this, stats, library, brake)
+    study = make_study(this, surfaces, library, brake)
     with this.stage("samples"):
         prepare_blocks(study)
         if this.store.share is None and this.comm.rank == 0:

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import brake_fenicsx
-from brake_fenicsx import Model, prepare, sample, sweep
+from brake_fenicsx import prepare, sample, sweep
 from brake_fenicsx.display import html_table, mesh_grid
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.extensions import Extensions
@@ -199,6 +199,8 @@ def test_modes_and_branches_in_a_notebook(model):
     assert [len(a.get_lines()) for a in axes] == [len(found.frequency), len(found.frequency) + 1]
     assert axes[1].get_xlabel() == f"{FRICTION} [-]" and len(axes[1].get_legend().get_texts()) > 0
     assert found.plot(ax=axes) is axes
+    with pytest.raises(BrakeError, match=r"ax has 1 axes, and 2 are drawn; give plt.subplots\(2\)"):
+        found.plot(ax=axes[0])
     rows = found.to_pandas()
     assert len(rows) == np.isfinite(found.frequency).sum()
     one = rows[rows.branch == rows.branch[0]]
@@ -280,7 +282,7 @@ def test_a_scene_as_a_mapping_is_the_scene_of_its_file(model, tmp_path):
     table = tomllib.loads(BLOCK.read_text())
     table["stability"]["band"] = tuple(table["stability"]["band"])
     table["samples"] = {**table.get("samples", {}), "n": np.int64(3)}
-    own = Model.from_scene(table, ROUGH, tmp_path / "out")
+    own = prepare(table, ROUGH, tmp_path / "out")
     np.testing.assert_array_equal(own.modes().s, model.modes().s)
     again = prepare(tmp_path / "out" / "scene.toml", directory=tmp_path / "out")
     np.testing.assert_array_equal(again.modes().s, model.modes().s)

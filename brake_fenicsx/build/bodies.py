@@ -145,8 +145,8 @@ def _layer(
     left = 1e6 * max(found.uncovered, 0.0)
     rest = f", {left:.4g} mm^2 of {faces[0]} not" if left > 1e-3 else ""
     logger.info(
-        "tie %s: %.4g mm^2 glued%s; gap up to %.3g um; stiffness of the layer %.3g N/mm³",
-        *(name, 1e6 * found.area, rest, 1e6 * found.gap, 1e-9 * found.stiffness),
+        "tie %s: %.4g mm^2 glued%s; gap up to %.5g um; stiffness of the layer %.3g N/mm³",
+        *(name, 1e6 * found.area, rest, round(1e6 * found.gap, 3), 1e-9 * found.stiffness),
     )
     return found
 

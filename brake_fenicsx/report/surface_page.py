@@ -130,6 +130,7 @@ def surface_blocks(run: RunData) -> list[Block]:
         *figures(run, "figure5_statistics"),
         *(_parameter_blocks(run, parameters) if parameters else []),
         *figures(run, "figure6_artificial", "figure7_contact_maps", look="half"),
+        *_own_surfaces(run),
     ]
 
 
@@ -161,11 +162,28 @@ def _parameter_blocks(run: RunData, parameters: list[Parameter]) -> list[Block]:
     )]  # fmt: skip
     lost = [[k, s["file"], s["missing"], s["outliers"]] for k, s in enumerate(scans, start=1)]
     blocks.append(Table(["scan", "file", "missing points", "masked outliers"], lost))
-    for start in range(0, len(scans), MOST_COLUMNS):
-        part = range(start, min(start + MOST_COLUMNS, len(scans)))
-        cells = [[p.text, *(p.each[2 + k] for k in part), p.unit] for p in parameters]
-        blocks.append(Table(["quantity", *(f"scan {k + 1}" for k in part), "unit"], cells))
-    return blocks
+    return [*blocks, *_beside({f"scan {k}": scan for k, scan in enumerate(scans, start=1)})]
+
+
+def _own_surfaces(run: RunData) -> list[Block]:
+    """Tables of the surfaces that interfaces have of their own, beside that of the others."""
+    own = run.summary.get("own_surfaces", {})
+    if run.surface is None or not own:
+        return []
+    said = "All surfaces of the scene, by their sections; interfaces without one have the first."
+    return [Text(said), *_beside({"surface": surface_statistics(run.surface), **own})]
+
+
+def _beside(surfaces: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
+    """Parameters of several surfaces, of some in a table."""
+    for start in range(0, len(surfaces), MOST_COLUMNS):
+        names = [*surfaces][start : start + MOST_COLUMNS]
+        rows = [
+            [text, *(_of_scan(surfaces[n], key, factor) for n in names), unit]
+            for key, text, unit, factor in STATISTICS
+        ]
+        known = [row for row in rows if any(value is not None for value in row[1:-1])]
+        yield Table(["quantity", *names, "unit"], known)
 
 
 def law_blocks(run: RunData) -> list[Block]:
@@ -198,6 +216,11 @@ def _scaled(table: Mapping[str, Any], key: str, factor: float) -> float | None:
     if not isinstance(value, int | float) or not np.isfinite(value):
         return None
     return float(value) * factor
+
+
+def _of_scan(table: Mapping[str, Any], key: str, factor: float) -> float | None:
+    """The same; None where numbers are given in place of the scan that has it."""
+    return None if key in SCANNED and "S_a" not in table else _scaled(table, key, factor)
 
 
 def scans_of(run: RunData) -> list[dict[str, Any]]:

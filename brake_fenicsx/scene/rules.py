@@ -13,7 +13,7 @@ from .body_rules import damping_mistakes, face_mistakes, part_mistakes
 from .keys import dotted, shown
 from .samples_section import APPROACHES, NO_ROUGH_SAMPLES, below_least, is_constant, split_key
 from .scalars import check_scalar
-from .scene import STAGES, Scene
+from .scene import STAGES, Scene, own_surface
 
 # Sections without which a stage has nothing to do, and stages that build on another one.
 SECTIONS = dict(surface="surface", micro="micro", equilibrium="contact", stability="stability")
@@ -65,7 +65,7 @@ def _stages(s: Scene) -> Iterator[str]:
 
 def _surface(s: Scene) -> Iterator[str]:
     """Files that are not there or count twice, and what gaps ask of the surface."""
-    own = {f"{dotted('contact', n)}.surface": c.surface for n, c in s.contact.items()}
+    own = {own_surface(n): c.surface for n, c in s.contact.items()}
     for where, surface in {"surface": s.surface, **own}.items():
         if surface is None or "surface" not in s.stages:
             continue

@@ -19,7 +19,7 @@ from brake_fenicsx.extensions import Extensions, extras, load
 
 from .bodies_section import HELD, AddedMass, Held, Load, Motion, Spring, Tie
 from .contact_section import ContactTable
-from .keys import key
+from .keys import dotted, key
 from .parts_section import MaterialTable, MeshTable, Part, parts_type
 from .samples_section import Samples, Sweep
 from .stability_section import Damping, EquilibriumTable, Stability
@@ -31,6 +31,11 @@ STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report
 def _names() -> Any:
     """Names -> "module:attribute", or a table with it under ``use`` beside arguments."""
     return dict[str, str | dict[str, Any]]
+
+
+def own_surface(interface: str) -> str:
+    """Section of the surface that an interface has of its own."""
+    return f"{dotted('contact', interface)}.surface"
 
 
 @dataclass(frozen=True, slots=True)

@@ -83,6 +83,16 @@ class SurfaceStatistics:
         return tuple(s.topography for s in self.each if s.topography is not None)
 
     @property
+    def told(self) -> str:
+        """Heights and spectrum in a line."""
+        fit = self.bifractal
+        return (
+            f"S_q {1e6 * self.S_q:.2f} um, S_sk {self.S_sk:.3f}, S_ku {self.S_ku:.3f}; power"
+            f" spectrum: slopes {fit.c1:.2f} and {fit.c2:.2f}, which meet at q_c ="
+            f" {fit.q_c / 1e3:.1f} 1/mm"
+        )
+
+    @property
     def pixel(self) -> float:
         """Half of the shortest wave length of the reliable band [m], which the scan resolves."""
         return float(np.pi / self.bifractal.band[1])
@@ -152,7 +162,7 @@ def _spectrum(stats: SurfaceStatistics) -> Iterator[str]:
                 '; if not, surface.spectrum = "measured"' if fitted else ""
             )
         yield (
-            f"the PSD flattens above {fit.q_c:.3g} rad/m (slope {fit.c2:.2f} after"
+            f"the PSD flattens above {fit.q_c / 1e3:.3g} 1/mm (slope {fit.c2:.2f} after"
             f" {fit.c1:.2f}){', which the bi-fractal model cannot represent' * fitted}: {why}"
         )
     wave, ratio = worst_octave(stats.psd, fit) if stats.psd and fitted else (np.nan, 1.0)

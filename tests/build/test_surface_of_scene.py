@@ -75,12 +75,12 @@ def test_a_patch_of_too_many_pixels_is_refused(scene):
 def test_the_source_is_a_choice_of_keys(scene):
     words = 'S_q = "scan"\nlow = "extend"\ndistribution = "johnson"\nspectrum = "fit"'
     named = scene(surface=words, micro="pixels = 64")
-    stats = check(named, MPI.COMM_SELF)
+    stats = check(named, MPI.COMM_SELF)["surface"]
     recipe = law_recipe(named, stats)
     assert (recipe.variance, recipe.low, recipe.hdf.name) == ("scan", "extend", "johnson")
     assert recipe.psd is stats.bifractal and recipe.surface(0, 0).record.S_q == stats.hdf.S_q
     named = scene(micro="pixels = 64")
-    measured = law_recipe(named, check(named, MPI.COMM_SELF))
+    measured = law_recipe(named, check(named, MPI.COMM_SELF)["surface"])
     assert measured.psd.misfit is not None and measured.hdf.name == "measured"
 
 

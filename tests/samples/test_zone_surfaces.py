@@ -1,11 +1,14 @@
 """A surface for each zone of a face: laws and critical gaps of two scans in one scene."""
 
+import re
+
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 
 from brake_fenicsx import prepare
+from brake_fenicsx.description import describe
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import run
@@ -14,6 +17,7 @@ from brake_fenicsx.scene import read_scene
 from coarse_block import BLOCK
 from run_tables import read_columns
 
+STAGES = "['surface','micro','equilibrium','stability','uncertainty','report']"
 NEW, WORN = "{ statistics={ S_q='1 um' } }", "{ statistics={ S_q='0.2 um', S_sk=-1.0, S_ku=4.5 } }"
 FACES = "faces=['block.bottom','plate.top'], friction=0.5"
 SCENE = [
@@ -63,12 +67,48 @@ def test_laws_and_gaps_of_each_zone_are_those_of_its_surface_alone(both):
     np.testing.assert_array_equal(mixed.g_cr, np.where(trailing, worn.g_cr, new.g_cr))
 
 
+@pytest.mark.together
+def test_several_processes_make_the_laws_and_samples_of_one(processes, tmp_path):
+    """Three laws of each surface, which two processes cannot divide evenly."""
+    comm, together = processes
+    alone = prepare(BLOCK, scene(NEW, WORN), tmp_path / "alone")
+    shared = prepare(BLOCK, scene(NEW, WORN), together / "shared", comm=comm)
+    for name in ("laws.npz", "zones/laws_0.npz"):
+        one, several = load_laws(tmp_path / "alone" / name), load_laws(together / "shared" / name)
+        assert len(one.p) == 3
+        np.testing.assert_array_equal(several.p, one.p)
+        np.testing.assert_array_equal(several.d, one.d)
+    for k in range(2):
+        own, theirs = (m.study.sample(("multi-scale", k)).laws for m in (alone, shared))
+        np.testing.assert_array_equal(theirs.g_cr, own.g_cr)
+        np.testing.assert_allclose(shared.modes(sample=k).s, alone.modes(sample=k).s, rtol=1e-6)
+
+
 def test_a_zone_with_the_surface_of_the_whole_changes_nothing(both):
     models, _ = both
     for k in range(2):
         own, whole = (models[name].modes(sample=k).s for name in ("same", "new"))
         np.testing.assert_allclose(own, whole, rtol=1e-12)
     assert not np.allclose(models["zones"].modes().s[:4], models["new"].modes().s[:4], rtol=1e-6)
+
+
+def test_check_and_page_show_every_surface(tmp_path, capsys):
+    """With the warnings of each by the key that is to be changed."""
+    smooth = [*scene(NEW, WORN.replace("0.2 um", "0.02 um")), "samples.n=1", f"stages={STAGES}"]
+    describe(BLOCK, MPI.COMM_SELF, smooth)
+    said = capsys.readouterr().out
+    assert "surface: S_q 1.00 um, S_sk 0.000" in said
+    own = "contact.trailing.surface"
+    assert f"{own}: S_q 0.02 um, S_sk -1.000, S_ku 4.500" in said
+    assert f"{own}: laws: 3 of 32 x 32 points" in said
+    warned = f"{own}: S_q of 0.02 um: smooth as a mirror"
+    assert warned in said and f"correct {own}.height_unit" in said
+    run(BLOCK, MPI.COMM_SELF, tmp_path / "out", smooth, pictures=False)
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert warned in page
+    rows = re.findall(r"<tr>\s*<td[^>]*>S_q,.*?</tr>", page, re.DOTALL)
+    cells = [re.findall(r"<td[^>]*>(.*?)</td>", row, re.DOTALL) for row in rows]
+    assert [row[1:] for row in cells][-1] == ["1", "0.02", "µm"]
 
 
 def test_a_run_of_two_surfaces(both, tmp_path):

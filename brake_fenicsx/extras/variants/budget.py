@@ -129,7 +129,7 @@ def plan(runs: Runs) -> tuple[list[Knob], list[Planned]]:
     comm, scene = runs.comm, runs.read()
     path = runs.folder / REFERENCE / "summary.json"
     sizes, work = on_first(lambda: (json.loads(path.read_text()), work_of_a_second()), comm)
-    stats = check(scene, comm)
+    stats = check(scene, comm).get("surface")
     patch = 1e-3 * float(sizes["mean_patch_mm"])
     own = with_pixels(with_patch(scene, patch), stats)
     pixels = int(own.micro.pixels) if own.micro and stats and "micro" in own.stages else None

@@ -95,7 +95,9 @@ def write_scene(
     faces, left = len(draft.bodies.faces), text.count("# not taken over:")
     made = f" and {mesh}" * solid
     said = f"{several(len(draft.bodies.boundary), 'part')}, {several(faces, 'face')}"
-    return f"wrote {scene}{made}: {said}, {several(left, 'remark')} on what is not taken over"
+    return (
+        f"wrote {scene}{made}: {said}, {several(left, 'comment')} in it on what is not taken over"
+    )
 
 
 class Draft:
