@@ -200,37 +200,9 @@ class SampleProblem:
         rest = applied(self.own, w, a) + applied(self.forced, w, u)
         products = b.T @ rest + eta.T @ unsolved, b.conj().T @ rest + eta.conj().T @ unsolved
         back = applied(self.own, w, b, True) + applied(self.source, w, eta, True)
-        left = left + self._second_order(z, rest, back) + self._round_off(w, eta, u)
+        beside = BESIDE * (1.0 if self.rows.rates else 1j)
+        left = left + _second_order(self.T, z, beside, rest, back) + _round_off(self.E, w, eta, u)
         return Quotient(products, rest, slope, left / np.abs(slope), y, a, np.vstack([eta, b]))
-
-    def _second_order(self, z: Complex, rest: Complex, back: Complex) -> Array:
-        """Size of l' T^-1 r of the residuals r = T(z) a and l = T(z)' b of each zero.
-
-        The quotient is of second order in the errors of its vectors. T is taken next to the zeros,
-        where it is regular in their directions as well.
-
-        Args:
-            z: zeros.
-            rest: r, shape (kept modes, zeros).
-            back: l, likewise.
-        """
-        out = np.zeros(z.size)
-        for group in np.array_split(np.argsort(np.abs(z), kind="stable"), GROUPS):
-            if group.size:
-                beside = z[group].mean() + BESIDE * (1.0 if self.rows.rates else 1j)
-                T = np.tensordot(beside ** np.arange(len(self.T)), self.T, 1)
-                x = np.linalg.solve(T, rest[:, group])
-                out[group] = np.abs(_paired(back[:, group], x))
-        return out
-
-    def _round_off(self, w: Complex, eta: Complex, u: Complex) -> Array:
-        """Size of eta' E u of the digits that the coefficients of E lack, independent ones."""
-        total = np.zeros(w.size)
-        for n, A in enumerate(self.E):
-            if A.size:
-                usual = float(np.linalg.norm(A)) / np.sqrt(A.size)
-                total += np.finfo(A.dtype).eps * usual * np.abs(w) ** n
-        return total * la.norm(eta, axis=0) * la.norm(u, axis=0)
 
     def slope(
         self,
@@ -286,3 +258,35 @@ class SampleProblem:
 def _paired(left: Complex, right: Complex) -> Complex:
     """Products of columns, not conjugated."""
     return np.asarray(np.einsum("im,im->m", left, right))
+
+
+def _second_order(T: Array, z: Complex, beside: complex, rest: Complex, back: Complex) -> Array:
+    """Size of l' T^-1 r of the residuals r = T(z) a and l = T(z)' b of each zero.
+
+    The quotient is of second order in the errors of its vectors. T is taken next to the zeros,
+    where it is regular in their directions as well.
+
+    Args:
+        T: coefficients of T(z), expanded.
+        z: zeros.
+        beside: from a group of zeros to where T is inverted.
+        rest: r, shape (kept modes, zeros).
+        back: l, likewise.
+    """
+    out = np.zeros(z.size)
+    for group in np.array_split(np.argsort(np.abs(z), kind="stable"), GROUPS):
+        if group.size:
+            near = np.tensordot((z[group].mean() + beside) ** np.arange(len(T)), T, 1)
+            x = np.linalg.solve(near, rest[:, group])
+            out[group] = np.abs(_paired(back[:, group], x))
+    return out
+
+
+def _round_off(E: Sequence[AnyArray], w: Complex, eta: Complex, u: Complex) -> Array:
+    """Size of eta' E u of the digits that the coefficients of E lack, independent ones."""
+    total = np.zeros(w.size)
+    for n, A in enumerate(E):
+        if A.size:
+            usual = float(np.linalg.norm(A)) / np.sqrt(A.size)
+            total += np.finfo(A.dtype).eps * usual * np.abs(w) ** n
+    return np.asarray(total * la.norm(eta, axis=0) * la.norm(u, axis=0))
