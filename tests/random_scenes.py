@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg as la
 
 from brake_fenicsx import prepare
-from brake_fenicsx.errors import InaccurateResult, NotConverged
+from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.pipeline import assemble
 from brake_fenicsx.samples.solve import linearised
 from brake_fenicsx.stability.eigen import tangent
@@ -223,6 +223,6 @@ def hunted(seed, **stability):
     scene["stability"] |= stability
     try:
         study = prepare(scene).study
-    except InaccurateResult as error:
+    except (InaccurateResult, SceneError) as error:
         return [], str(error)
     return [found for task in study.tasks if (found := compared(study, task)) is not None], ""
