@@ -29,7 +29,7 @@ from brake_fenicsx.stability.substructures import ContactLinearisation
 from .states import AXES, read_columns, read_matrix, state_values, units_of_state
 
 ARRAYS = [("state_of", int), ("state_s", complex), ("state_damping", float), ("state_mode", int)]
-HELD = 16  # compliances at most: of 1400 contact elements each takes 30 MB
+HELD = 2**29  # bytes of compliances at most
 GAP = 'write a length with units, as "1 um * (r - 118 mm) / (22 mm)", or a CSV file of x, y, gap'
 
 
@@ -49,8 +49,10 @@ class StateModes:
         own = [name for name in self._values if changes_bodies(scene, name)]
         self._order = self._values.reset_index(drop=True).sort_values([*own, *self._values]).index
         if not any(changes_bodies(scene, name) for name in scene.samples.random):
+            # Those of gaps and of slips, between all contact elements.
+            most = HELD // (16 * max(models.brake.contact.interface.size, 1) ** 2)
             for model in models.reduction.models.values():
-                model.held = min(HELD, 1 + len(self._values[own].drop_duplicates()))
+                model.held = max(1, min(most, 1 + len(self._values[own].drop_duplicates())))
         # Gaps follow the logarithm of the pressure.
         logs = {name: np.log(numbers[name]) for name in AXES[:2] if name in numbers}
         places = numbers.assign(**logs, turns=self._signs)
