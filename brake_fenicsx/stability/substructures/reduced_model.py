@@ -323,7 +323,7 @@ class ReducedModel:
                 move these.
         """
         found = zeros(sample.T, 2 if self.rows.rates else 1, *self.searched)
-        some = np.arange(found.z.size)
+        some: Index = np.arange(found.z.size)
         if growing:
             s, size = self._lam(found.z), np.maximum(np.abs(found.z), SIGMA)
             close = np.abs(found.z[:, None] - found.z) < NARROW * size[:, None]

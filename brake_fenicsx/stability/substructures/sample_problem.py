@@ -278,7 +278,7 @@ def _second_order(T: Array, z: Complex, beside: complex, rest: Complex, back: Co
         if group.size:
             near = np.tensordot((z[group].mean() + beside) ** np.arange(len(T)), T, 1)
             x = np.linalg.solve(near, rest[:, group])
-            out[group] = np.abs(_paired(back[:, group], x))
+            out[group] = np.abs(_paired(back[:, group], np.asarray(x, complex)))
     return out
 
 
