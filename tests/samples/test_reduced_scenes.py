@@ -12,7 +12,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from brake_fenicsx import model
@@ -223,13 +223,15 @@ def compared(scene, chosen):
     agrees(prepared.modes(), at_full_order(prepared))
 
 
+NOTHING = dict.fromkeys(CHOICES)
+
+
+# Damping in proportion couples no mode of the cap: what its polynomial has is round-off, of 1e-9.
+@example(chosen={**NOTHING, "loss": True})
 @settings(max_examples=4, deadline=None)
 @given(chosen=st.fixed_dictionaries(CHOICES))
 def test_reduced_model_is_full_order(scene, chosen):
     compared(scene, chosen)
-
-
-NOTHING = dict.fromkeys(CHOICES)
 
 
 @pytest.mark.parametrize("matrix", ["K", "M", "C", "change"])

@@ -135,7 +135,7 @@ class Reduction:
             rest = self._polynomial.missing(coefficients, values[-1])
             size = float(np.linalg.norm(rest))
             if i == 0:
-                self._check_convergence(coefficients)
+                self._check_convergence(coefficients, size)
                 missing = rest
             largest = max(largest, size)
             self._coefficients.add(i, coefficients[: self._coefficients.counts[i]])
@@ -217,8 +217,10 @@ class Reduction:
         x = self._place(i)
         return matrices(self._body, self._parameters, x, self._omega, self._beyond)
 
-    def _check_convergence(self, coefficients: Array) -> None:
+    def _check_convergence(self, coefficients: Array, missing: float) -> None:
         """Whether the coefficients fall, as they do without a pole within the band.
+
+        Those of round-off do not: what the polynomial lacks at the end of the band tells.
 
         Raises:
             InaccurateResult: they do not: the body is damped so strongly that its own decay lies
@@ -226,8 +228,7 @@ class Reduction:
         """
         size = [float(np.linalg.norm(A)) for A in coefficients]
         # W'P(w) is of second degree in w: the first ones may grow.
-        # A body whose modes are all kept leaves out round-off alone.
-        if self._rows.damped and max(size[3:]) > max(*size[:3], ROUND_OFF):
+        if self._rows.damped and max(size[3:]) > max(size[:3]) and missing > ROUND_OFF:
             raise InaccurateResult(
                 "damping too large for the frequency expansion of the reduced model up to the end"
                 " of the band"
