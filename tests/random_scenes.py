@@ -146,7 +146,7 @@ class Compared:
         missed: eigenvalues of LAPACK in the stated region that the reduced model has not.
         wrong: verdicts stable for unstable or the reverse.
         undefined: stated errors that are no number or infinite.
-        left: largest error that the vectors state.
+        left: largest error that the vectors state, of modes whose own is within the tolerance.
         quotient: largest error of the two-sided quotient of the displacements, over the stated one.
     """
 
@@ -206,13 +206,14 @@ def compared(study, task):
     motions, right, left = model.motions(*given, modes.left[:, elastic])
     u, right_error = model.displacements(*given[:-1], right)
     v, left_error = model.displacements(*given[:-1], left, left=True)
+    within = error <= models.stability.tolerance * np.abs(s)
     Cu = np.zeros_like(u) if C is None else C @ u
     quotient = np.sum(v.conj() * (M @ u * true**2 + Cu * true + K @ u), axis=0)
     quotient = np.abs(quotient / np.sum(v.conj() * (2 * true * (M @ u) + Cu), axis=0))
     return Compared(
         len(modes), float(np.max(distance.min(axis=1) / allowed, initial=0.0)) if s.size else 0.0,
         missed, int(wrong), int(np.sum(~np.isfinite(modes.error))),
-        float(np.max([*motions.error, *right_error, *left_error], initial=0.0)),
+        float(np.max(np.array([motions.error, right_error, left_error])[:, within], initial=0.0)),
         float(np.max(quotient / allowed, initial=0.0)),
     )  # fmt: skip
 
