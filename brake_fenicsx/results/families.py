@@ -179,15 +179,13 @@ class ModeFamilies:
         every = dict(enumerate(self.vectors))
         if every:
             likeness = self._likeness(every, X, f)
-            grown = self._likeness(self.grown, X, f, planes=True) * grows
+            grown = self._in_planes(self.grown, X, f, np.flatnonzero(grows))
             # Two families that a growing mode resembles alike: the one that has grown.
             grown[grown < likeness.max(axis=0) - ALIKE] = 0.0
             _match(family, grown, [*self.grown], RESEMBLES)
             _match(family, likeness, [*every], self._least)
-            left = np.flatnonzero(family < 0)
             free = {n: v for n, v in every.items() if n not in family}
-            inside = np.zeros((len(free), family.size))
-            inside[:, left] = self._likeness(free, X[:, left], f[left], planes=True, inside=True)
+            inside = self._in_planes(free, X, f, np.flatnonzero(family < 0), inside=True)
             _match(family, inside, [*free], self._least)
         for j in np.flatnonzero(family < 0):
             family[j] = len(self.vectors)
@@ -197,20 +195,24 @@ class ModeFamilies:
             self.grown.setdefault(int(family[j]), X[:, j].copy())
         return family
 
-    def _likeness(
-        self, known: dict[int, Complex], X: Complex, f: Array, planes: bool = False,
-        inside: bool = False,
-    ) -> Array:  # fmt: skip
-        """Likeness of some families with modes, shape (families, modes): 0 of far frequencies."""
-        if not known or not f.size:
-            return np.zeros((len(known), f.size))
-        V = np.array([*known.values()]).T
-        if planes:
-            families = Onsets(V, TURNS)
-            like = families.like([*range(len(known))], Onsets(X, TURNS), inside)
-        else:
-            like = mac(V, X)
-        return np.where(_near(np.array([self.frequencies[n] for n in known]), f), like, 0.0)
+    def _likeness(self, known: dict[int, Complex], X: Complex, f: Array) -> Array:
+        """MAC of some families with modes, shape (families, modes): 0 of far frequencies."""
+        return self._near(known, f) * mac(np.array([*known.values()]).T, X)
+
+    def _in_planes(
+        self, known: dict[int, Complex], X: Complex, f: Array, some: Index, inside: bool = False
+    ) -> Array:
+        """Likeness of some families with some modes, planes included; 0 of all other modes."""
+        like = np.zeros((len(known), f.size))
+        if known and some.size:
+            families = Onsets(np.array([*known.values()]).T, TURNS)
+            modes = Onsets(X[:, some], TURNS)
+            found = families.like([*range(len(known))], modes, inside)
+            like[:, some] = self._near(known, f[some]) * found
+        return like
+
+    def _near(self, known: dict[int, Complex], f: Array) -> NDArray[np.bool_]:
+        return _near(np.array([self.frequencies[n] for n in known]), f)
 
 
 def _match(family: Index, likeness: Array, numbers: list[int], least: float) -> None:
