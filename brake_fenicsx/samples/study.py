@@ -336,7 +336,8 @@ class Study:
                 None if points is None else points[k], self.waviness, self.zones,
             )  # fmt: skip
             self._drawn = {task: drawn}
-        return at_values(self._drawn[task], values or {})
+        drawn = self._drawn[task]
+        return at_values(drawn, values) if values else drawn
 
     def balance(
         self, sample: SampleInput, reduced: bool = False, start: Array | None = None
