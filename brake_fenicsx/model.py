@@ -46,7 +46,7 @@ Array = NDArray[np.float64]
 class Model:
     """A scene whose brake, laws and reduced model are made.
 
-    Pickled, it is the folder that it was prepared in, which another process loads while it is there.
+    Pickled, it is the folder that it was prepared in, which other processes load.
 
     Attributes:
         scene: the scene.

@@ -149,7 +149,7 @@ def test_a_model_is_sent_as_its_folder(model):
     own = prepare(BLOCK, CHANGES, extensions=Extensions())
     study = model.study
     for held in (own, study, study.models, study.brake, study.brake.mesh, study.equilibria):
-        with pytest.raises(BrakeError, match="^pickle: "):
+        with pytest.raises(BrakeError, match=r"^pickle: "):
             pickle.dumps(held)
 
 

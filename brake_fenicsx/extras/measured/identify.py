@@ -231,7 +231,9 @@ def _in_unit(rows: list[list[Value]], unit: str) -> list[list[Value]]:
     """The constants as the scene writes them."""
     scale = to_si(f"1 {unit}", "Pa")
     return [
-        [row[0], unit, *(float(str(v)) / scale for v in row[2:6]), row[6]] if row[1] == "Pa" else row
+        [row[0], unit, *(float(str(v)) / scale for v in row[2:6]), row[6]]
+        if row[1] == "Pa"
+        else row
         for row in rows
     ]
 
