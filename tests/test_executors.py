@@ -138,15 +138,12 @@ def model():
 
 
 def test_a_model_is_sent_as_its_folder(model):
-    """The same modes there; no forked process, no extensions, and none of what is in the model."""
+    """The same modes there; no extensions, and none of what is in the model."""
     here, value = model.modes(), {"contact.block_plate.friction": 0.4}
     again = pickle.loads(pickle.dumps(model))
     assert again.scene == model.scene and np.array_equal(again.modes().s, here.s)
     with ProcessPoolExecutor(1, mp_context=SPAWN) as pool:
         assert np.array_equal(pool.submit(sample, model, value).result().s, model.modes(value).s)
-    forked = ProcessPoolExecutor(1, mp_context=get_context("fork"))
-    with forked as pool, pytest.raises(SceneError, match="processes are forked"):
-        pool.submit(sample, model).result()
     own = prepare(BLOCK, CHANGES, extensions=Extensions())
     study = model.study
     for held in (own, study, study.models, study.brake, study.brake.mesh, study.equilibria):

@@ -99,11 +99,11 @@ def identify(
     for s, end in zip(specimens, each, strict=True):
         _say_misfit(s, end, error)
     theta, covariance = _pooled(each)
-    shown = _constants(parsed, material, body, theta, covariance, prior)
+    unit = _unit_of_moduli(parsed.table["materials"][material])
+    shown = _constants(material, unit, body, theta, covariance, prior)
     losses = [_loss(parsed, part, material, *pair) for pair in zip(specimens, each, strict=True)]
     rows = [row for pair in zip(specimens, each, strict=True) for row in _peak_rows(*pair)]
     folder = Path(directory or Path.cwd() / f"{parsed.file.stem}-identified")
-    unit = _unit_of_moduli(parsed.table["materials"][material])
     block = _block(material, unit, body.names, theta, covariance, np.array(losses))
     if write:
         folder.mkdir(parents=True, exist_ok=True)
@@ -111,7 +111,7 @@ def identify(
         write_rows(folder / "peaks.csv", PEAKS, rows)
         with whole_file(folder / "random.toml") as file:
             file.write_text(block, encoding="utf-8")
-    said = [text_table(PEAKS, rows), "", text_table(CONSTANTS, _in_unit(shown, unit))]
+    said = [text_table(PEAKS, rows), "", text_table(CONSTANTS, shown)]
     said += [*_undetermined(shown), ""]
     said += [block, f"wrote {folder / 'random.toml'}"]
     if scene_file is not None:
@@ -205,15 +205,17 @@ def _pooled(each: Sequence[Posterior]) -> tuple[Array, Array]:
 
 
 def _constants(
-    scene: Scene, material: str, body: VariedBody, theta: Array, covariance: Array, prior: float
+    material: str, unit: str, body: VariedBody, theta: Array, covariance: Array, prior: float
 ) -> list[list[Value]]:
     rows: list[list[Value]] = []
+    scale = to_si(f"1 {unit}", "Pa")
     for i, name in enumerate(body.names):
         sd = float(np.sqrt(covariance[i, i]))
         ends = np.exp(theta[i] + NORMAL * sd * np.array([0.0, -1.0, 1.0]))
-        unit = "-" if name.startswith("nu") else "Pa"
-        nominal = float(np.exp(body.nominal[i]))
-        rows.append([f"materials.{material}.{name}", unit, nominal, *map(float, ends), sd / prior])
+        values, said = np.array([np.exp(body.nominal[i]), *ends]), "-"
+        if not name.startswith("nu"):
+            values, said = values / scale, unit
+        rows.append([f"materials.{material}.{name}", said, *map(float, values), sd / prior])
     return rows
 
 
@@ -225,17 +227,6 @@ def _unit_of_moduli(table: Mapping[str, Any]) -> str:
             to_si(text, "Pa")
             return str(in_unit_of(1.0, text, "Pa")).partition(" ")[2]
     return "GPa"
-
-
-def _in_unit(rows: list[list[Value]], unit: str) -> list[list[Value]]:
-    """The constants as the scene writes them."""
-    scale = to_si(f"1 {unit}", "Pa")
-    return [
-        [row[0], unit, *(float(str(v)) / scale for v in row[2:6]), row[6]]
-        if row[1] == "Pa"
-        else row
-        for row in rows
-    ]
 
 
 def _undetermined(rows: list[list[Value]]) -> list[str]:
