@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
@@ -53,6 +53,8 @@ class Model:
         study: its samples.
         source: what it was prepared from; None with extensions, which are no plain values.
     """
+
+    _load: Callable[[], Study]
 
     def __init__(self, study: Study, source: Source | None, folder: TemporaryDirectory[str] | None):
         self.scene: Scene = study.scene

@@ -137,6 +137,7 @@ def model():
     return prepare(BLOCK, CHANGES)
 
 
+@pytest.mark.long
 def test_a_model_is_sent_as_its_folder(model):
     """The same modes there; no extensions, and none of what is in the model."""
     here, value = model.modes(), {"contact.block_plate.friction": 0.4}
