@@ -116,6 +116,15 @@ def test_a_range_that_no_allowed_degree_reaches(box, monkeypatch, caplog):
     assert agrees(prepared, {n: 0.5 * sum(ends) for n, ends in narrow.items()}).mean() < 0.2
 
 
+def test_degrees_that_gain_nothing_are_raised_once(monkeypatch, caplog):
+    """Errors that no degree lowers: the model is made again once, and a third time not."""
+    caplog.set_level("INFO", "brake_fenicsx")
+    monkeypatch.setattr(offline, "_errors", lambda *_: np.full(9, 1e-3))
+    monkeypatch.setattr(offline, "_of_each_parameter", lambda *_: np.array([1e-3]))
+    model.prepare(BLOCK, COARSE, parameters={HEIGHT: (18e-3, 20e-3)})
+    assert sum("made again" in r.getMessage() for r in caplog.records) == 1
+
+
 def test_a_range_too_wide_for_the_kept_modes():
     """A cutoff just above the band, and a block that becomes soft: rejected."""
     narrow = [*COARSE, "stability.cutoff='21 kHz'"]

@@ -42,9 +42,9 @@ REACHED, GAIN = 1e-5, 12.0
 # merge they do at any degree.
 ALLOWED = 0.1
 
-# What one degree more gains at least, most degrees more at a time, the highest degree, and points
-# of a body that are not exceeded.
-LEAST_GAIN, MORE, HIGHEST, MOST = 5.0, 6, 14, 150
+# What one degree more gains as a rule, most degrees more at a time, the highest degree, and points
+# of a body that are not exceeded. Degrees that gained less than the last number stagnate.
+LEAST_GAIN, MORE, HIGHEST, MOST, STAGNANT = 5.0, 6, 14, 150, 1.5
 
 # The interpolation is not what makes errors of which it has less than this share.
 ELSEWHERE = 0.01
@@ -136,11 +136,12 @@ def reduce_bodies(
     def points(orders: Index) -> int:
         return max(reduction.points for reduction in planned(orders))
 
-    model = made(np.full(parameters.dimension, degrees[0]))
+    model, before = made(np.full(parameters.dimension, degrees[0])), None
     while contact is not None:
-        orders = comm.bcast(higher(model, contact, tolerance, points))
-        if orders is None:
+        found = comm.bcast(higher(model, contact, tolerance, points, before))
+        if found is None:
             break
+        orders, before = found[0], (model.orders, found[1])
         model = made(orders)
     return model
 
@@ -288,7 +289,8 @@ def higher(
     contact: ContactLinearisation,
     tolerance: float,
     points: Callable[[Index], int],
-) -> Index | None:
+    before: tuple[Index, Array] | None = None,
+) -> tuple[Index, Array] | None:
     """Degrees in each parameter with which the tolerance may hold.
 
     Args:
@@ -296,13 +298,20 @@ def higher(
         contact: of a typical sample.
         tolerance: wanted relative error of lambda.
         points: of the box where a body is computed with some degrees.
+        before: degrees from which those of the model were raised, and the errors that each
+            parameter made of them, each of shape (d,).
 
     Returns:
-        Shape (d,); None where it holds already, or higher ones cost too much.
+        The degrees, and the errors that each parameter makes now, each of shape (d,); None where
+        the tolerance holds already, or higher degrees cost too much or gain nothing.
     """
     lacking, orders = shortfall(model, contact, tolerance), model.orders
     if lacking is None:
         return None
+    worst = int(lacking.each.argmax())
+    if before is not None and orders[worst] > before[0][worst]:
+        if not lacking.each[worst] * STAGNANT < before[1][worst]:
+            return None
     # A parameter of a tenth of the error needs so many degrees less.
     share = lacking.usual / tolerance * lacking.each / lacking.each.max()
     wanted = np.ceil(np.log(np.maximum(share, 1.0)) / log(LEAST_GAIN)).astype(int)
@@ -315,7 +324,7 @@ def higher(
                 "reduced model: errors up to %.0e over the range of %s; made again, of degree %d",
                 lacking.error, ", ".join(names[found > orders]), found.max(),
             )  # fmt: skip
-            return np.asarray(found)
+            return np.asarray(found), lacking.each
     return None
 
 
