@@ -106,6 +106,10 @@ class FileMesh:
     instances: Mapping[str, str] = field(default_factory=dict)
     advice: str = ""
 
+    def name_of(self, cell: int) -> int:
+        """Number of a cell in the file or, of a deck, in its part."""
+        return self.labels[cell] % FAR if self.labels else cell + 1
+
     def owned(self, name: str, scope: str) -> list[str]:
         """Names here of a set of a part, an instance, or the assembly ("")."""
         parts = self.instances.items()
@@ -204,16 +208,21 @@ def _add_groups(
 
 
 def each_once(mesh: FileMesh, merge: bool) -> None:
-    """Look for cells with the same corners.
+    """Look for cells with the same corners, and for cells that have one of them twice.
 
     Args:
         mesh: the file, without copies afterwards.
         merge: a copy is another name of its cell, as gmsh 2.2 writes those of two groups.
 
     Raises:
-        SceneError: copies that are no names.
+        SceneError: copies that are no names, or collapsed cells.
     """
     corners = np.sort(mesh.cells[:, : CORNERS[mesh.shape]], axis=1)
+    if (flat := np.flatnonzero((np.diff(corners, axis=1) == 0).any(axis=1))).size:
+        raise SceneError(
+            f"element {mesh.name_of(int(flat[0]))} has a corner twice ({flat.size} such elements);"
+            " mesh without collapsed cells"
+        )
     _, first, place = np.unique(corners, axis=0, return_index=True, return_inverse=True)
     if first.size == len(mesh.cells):
         return
@@ -221,7 +230,7 @@ def each_once(mesh: FileMesh, merge: bool) -> None:
     if not merge:
         copy = int(np.setdiff1d(np.arange(place.size), first)[0])
         both = [int(first[place[copy]]), copy]
-        one, two = ((mesh.labels[i] % FAR if mesh.labels else i + 1) for i in both)
+        one, two = map(mesh.name_of, both)
         copies = place.size - first.size
         raise SceneError(
             f"elements {one} and {two} have the same corners ({copies} such copies in all); remove"
@@ -256,6 +265,28 @@ def gmsh_order(shape: str, nodes: int) -> list[int]:
     n = CORNERS[shape]
     theirs = [frozenset(some) for some in (*_VTK_EDGES[shape], *_VTK_FACES, range(8))]
     return [*range(n), *(n + theirs.index(some) for some in MIDDLES[shape])][:nodes]
+
+
+def order_by_places(points: Array, cells: Ints, shape: str) -> list[int]:
+    """Where gmsh's nodes of a cell stand, by the edges and faces that middle nodes are next to.
+
+    Args:
+        points: positions, shape (nodes, 3).
+        cells: nodes of each cell, corners first, shape (cells, nodes of a cell).
+        shape: of the cells.
+
+    Raises:
+        SceneError: middle nodes are at no edges or faces.
+    """
+    n = CORNERS[shape]
+    sets, x = [*MIDDLES[shape]][: cells.shape[1] - n], points[cells]
+    order = [*range(n)]
+    for some in sets:
+        centre = x[:, [*some]].mean(axis=1)[:, None]
+        order.append(n + int(np.linalg.norm(x[:, n:] - centre, axis=2).sum(axis=0).argmin()))
+    if len({*order}) < len(order):
+        raise SceneError("middle nodes of its cells lie at no edges or faces of them")
+    return order
 
 
 def one_kind(kinds: Iterable[str], shells: Iterable[int] = ()) -> str:

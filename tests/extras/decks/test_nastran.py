@@ -203,6 +203,17 @@ def test_types_and_formats_of_ansys(types, form, tmp_path):
     assert scene.materials["MAT1"].E == 125e9 and text.count("not taken over:") == 1
 
 
+def test_elements_of_workbench(tmp_path):
+    """EBLOCK without SOLID has another layout: counted by the type; solids in it are refused."""
+    more = "ET,3,154\neblock,10,,,1\n(15i9)\n       99{:9d}        3        3        0"
+    more += "        1        2        5        4\n-1\n" + ISOTROPIC
+    _, scene, text = drafted(tmp_path, archive(more=more.format(3)), "sector.cdb")
+    assert "4 CONTA173 elements" in text and "1 SURF154 element" in text
+    assert scene.materials["MAT1"].E == 125e9
+    with pytest.raises(SceneError, match="solids in an EBLOCK without SOLID"):
+        drafted(tmp_path, archive(more=more.format(1)), "solids.cdb")
+
+
 def test_an_unknown_type_is_no_solid(tmp_path):
     with pytest.raises(SceneError, match="no tetrahedra or hexahedra"):
         drafted(tmp_path, archive("ET,2,173"), "sector.cdb")
