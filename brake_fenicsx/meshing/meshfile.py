@@ -20,7 +20,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import absent, extras, load
 from brake_fenicsx.folder.arrays import reading
 
-from .filemesh import SOLIDS, FileMesh, each_once, listed, one_kind, order_by_places, same_length
+from .filemesh import SOLIDS, FileMesh, each_once, in_gmsh_order, listed, one_kind, same_length
 from .gmsh_mesh import elements, gmsh_session, nodes_of_model
 
 Ints = NDArray[np.int64]
@@ -128,8 +128,7 @@ def read_other(path: Path) -> FileMesh:
     kind = one_kind(block.type for block in read.cells if block.dim == 3)
     points, shape = np.asarray(read.points, dtype=float), SOLIDS[kind][0]
     cells = read.get_cells_type(kind).astype(np.int64)
-    # Of a 20-node hexahedron of Exodus they come as in the file, not as in VTK (5.3.5).
-    mesh = FileMesh(points, shape, cells[:, order_by_places(points, cells, shape)])
+    mesh = FileMesh(points, shape, in_gmsh_order(points, cells, shape))
     read.cell_sets = _meshio_groups(read)
     for name, members in read.cell_sets_dict.items():
         if members.get(kind, np.zeros(0)).size:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import FACES
-from brake_fenicsx.meshing.filemesh import FileMesh, gmsh_order, listed, same_length
-from brake_fenicsx.meshing.rawmesh import CORNERS, facet_keys, permuted
+from brake_fenicsx.meshing.filemesh import FileMesh, listed, same_length
+from brake_fenicsx.meshing.rawmesh import CORNERS, MIDDLES, facet_keys, permuted
 from brake_fenicsx.meshing.swept import lifted
 
 from .shell_surface import (
@@ -32,6 +32,15 @@ from .shell_surface import (
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+# Edges whose middle nodes follow the corners in Abaqus; those of the body and the faces come next.
+_EDGES = {
+    "tetrahedron": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+    "hexahedron": (
+        (0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6),
+        (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7),
+    ),
+}  # fmt: skip
 
 
 def solid_shells(found: FileMesh, sections: Sequence[ShellSection]) -> FileMesh:
@@ -140,7 +149,9 @@ def _deep(nodes: Ints, columns: dict[int, Ints], solid: set[int]) -> Ints:
 def write_abaqus(found: FileMesh, path: Path) -> None:
     """Write cells and groups as a flat .inp file, in the unit that they have."""
     shape, count = found.shape, found.cells.shape[1]
-    order, used = np.argsort(gmsh_order(shape, count)), np.unique(found.cells)
+    corners, used = CORNERS[shape], np.unique(found.cells)
+    middles = (*_EDGES[shape], range(8), *FACES[shape])[: count - corners]
+    order = [*range(corners), *(MIDDLES[shape][frozenset(some)] for some in middles)]
     lines = ["** Written by brake-fenicsx init --shells solid", "*NODE"]
     rows = zip(listed(used), listed(found.points[used]), strict=True)
     lines += [f"{i + 1}, {x!r}, {y!r}, {z!r}" for i, (x, y, z) in rows]
