@@ -42,6 +42,7 @@ def test_names_of_the_package():
     assert not {"Any", "import_module", "TYPE_CHECKING"} & {*names}
 
 
+@pytest.mark.long
 def test_a_type_checker_sees_the_types_of_the_package(tmp_path):
     """In another folder, without MYPYPATH: what an editor sees too."""
     script = tmp_path / "script.py"
@@ -186,6 +187,7 @@ def test_a_prepared_scene_keeps_the_ranges_of_its_sweep():
     assert len(found.modes({FRICTION: 0.2, PRESSURE: "1.5 bar"})) > 0
 
 
+@pytest.mark.long
 def test_modes_and_branches_in_a_notebook(model):
     """Tables of every object; data frames and figures of modes and of branches, in own axes."""
     modes = model.modes()
@@ -277,6 +279,7 @@ def test_critical_gaps_of_a_sample_are_drawn_once_for_all_values_of_friction(mod
     np.testing.assert_array_equal(again.g_cr, first.g_cr)
 
 
+@pytest.mark.long
 def test_a_scene_as_a_mapping_is_the_scene_of_its_file(model, tmp_path):
     """With arrays, tuples and paths as values; its folder holds a scene of the same text."""
     table = tomllib.loads(BLOCK.read_text())

@@ -14,7 +14,7 @@ DOCS = ROOT / "docs"
 
 @pytest.fixture
 def site():
-    """What scripts/docs, which takes warnings for errors, has built; scripts/test names it."""
+    """What scripts/docs, which takes warnings for errors, has built; it names the folder."""
     if "BRAKE_FENICSX_SITE" not in os.environ:
         pytest.skip("BRAKE_FENICSX_SITE names no folder in which scripts/docs has built the site")
     return ROOT / os.environ["BRAKE_FENICSX_SITE"]
@@ -49,6 +49,7 @@ def test_every_public_function_is_on_the_site(site):
     assert [name for name in names if f'id="brake_fenicsx.{name}"' not in page] == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", sorted((DOCS / "api").glob("*.md")), ids=lambda path: path.stem)
 def test_each_page_of_the_interface_has_an_example_that_runs(page, tmp_path, monkeypatch, capsys):
     """As it stands, in a folder that has the scenes, and with something to say."""

@@ -98,6 +98,7 @@ def test_here_they_are_those_of_a_run(whole):
     same(records, whole)
 
 
+@pytest.mark.long
 def test_processes_one_of_which_dies(whole, tmp_path):
     """Samples that ended are yielded, the others named; a new pool computes these alone.
 

@@ -12,6 +12,8 @@ from brake_fenicsx.pipeline import run
 from coarse_block import BLOCK, ROUGH
 from run_tables import read_columns
 
+pytestmark = pytest.mark.long
+
 PAGE = "stages=['surface','equilibrium','stability','uncertainty','report']"
 CYCLE = "limit_cycle={ harmonics = 1, points = 8 }"
 WHOLE = [*ROUGH[1:], "samples.n=2", PAGE, "stability.drivers=true", CYCLE, "stability.verify=1"]

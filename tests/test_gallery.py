@@ -13,6 +13,7 @@ SCRIPTS = sorted(GALLERY.glob("*.py"))
 FAST = ("flutter",)  # a whole brake; the others are slow
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "script",
     [

@@ -101,6 +101,7 @@ def beside(tmp_path):
     return scene
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("named", "given"),
     [
@@ -137,6 +138,7 @@ def test_the_contact_law_of_a_run_is_that_beside_the_scene(beside, tmp_path):
         run(beside, MPI.COMM_SELF, tmp_path / "out", given)
 
 
+@pytest.mark.long
 def test_shares_processes_and_workers_take_the_class(beside, tmp_path):
     changes = [w for text in [*COARSE, RANDOM] for w in ("--set", text)]
 

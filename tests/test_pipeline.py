@@ -71,6 +71,7 @@ def test_coarse_brake_is_unstable_with_friction(brake):
     assert (brake / "log.txt").read_text().count("within the outline of") == 1
 
 
+@pytest.mark.long
 def test_coarse_brake_is_stable_without_friction(tmp_path):
     stages = "stages=['surface','micro','equilibrium','stability','uncertainty']"
     no_friction = ["contact.pad_disc.friction=0.0", "samples.classical.friction=0.0"]
@@ -147,6 +148,7 @@ def test_no_ears_if_none_are_named():
         check_brake(scene, MPI.COMM_SELF)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("stages", "absent"),
     [
@@ -197,6 +199,7 @@ def many(tmp_path_factory):
     return out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("samples", [1, pytest.param(5, marks=pytest.mark.slow)])
 def test_killed_run_goes_on_to_the_same_bytes(samples, many, tmp_path):
     """SIGKILL after some samples; the second start must not compute or number anything afresh."""

@@ -49,6 +49,7 @@ def core(tmp_path_factory):
     return root
 
 
+@pytest.mark.long
 def test_the_chain_runs_without_extras(core, tmp_path):
     """Surface to page, with the modes of the whole program."""
     out = tmp_path / "out"
@@ -62,6 +63,7 @@ def test_the_chain_runs_without_extras(core, tmp_path):
     assert "Squeal map" in page and "How loud" not in page
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -105,6 +107,7 @@ def theirs(tmp_path_factory):
     return root
 
 
+@pytest.mark.long
 def test_an_extra_of_another_package(theirs, tmp_path):
     """Section, stage, table, page and command; friction takes mu F V, whatever the contact."""
     out, stages = tmp_path / "out", "stages=['equilibrium','report']"
@@ -119,6 +122,7 @@ def test_an_extra_of_another_package(theirs, tmp_path):
     assert program(theirs, "power", out).stdout == "200 W\n"
 
 
+@pytest.mark.long
 def test_a_broken_extra_costs_itself(tmp_path):
     (tmp_path / "brake_fenicsx").symlink_to(PACKAGE)
     installed(tmp_path, "brake_fenicsx.extras", "lost = not_there:EXTRA")

@@ -7,6 +7,7 @@ import random
 import tomllib
 
 import jsonschema
+import pytest
 
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
@@ -171,6 +172,7 @@ def readable(table, path):
     return True
 
 
+@pytest.mark.long
 def test_check_of_damaged_scenes_is_0_or_2(tmp_path, capsys):
     """The whole command, mesh and matrices included, where reading alone refuses nothing."""
     whole = json.loads(json.dumps(RICH))

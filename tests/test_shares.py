@@ -122,6 +122,7 @@ def test_share_of_a_job_array(monkeypatch, no_array, task, text, share):
         assert read_share(text) == Share(*share)
 
 
+@pytest.mark.long
 def test_shares_make_the_tables_of_one_run(whole, tmp_path, capsys):
     """In any order, one of them twice; what is left out is done by the run that writes."""
     out = tmp_path / "out"

@@ -48,6 +48,7 @@ def test_values_without_an_equilibrium_are_no_remedy(tmp_path):
     assert row["share_after"] == 1.0 and "not sufficient even at the limit" in row["note"]
 
 
+@pytest.mark.long
 def test_a_length_that_one_brake_cannot_have_is_named(tmp_path):
     """It deforms a loaded face: the row gives the reason, the other countermeasure is found."""
     both = levers(("parts.block.length", "'30 mm'"), (FRICTION, "0.05"))

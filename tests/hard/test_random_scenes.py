@@ -21,6 +21,7 @@ def check(seed, **stability):
     return found
 
 
+@pytest.mark.long
 @pytest.mark.hard
 @pytest.mark.parametrize("seed", FAST)
 def test_four_random_scenes(seed):
@@ -28,6 +29,7 @@ def test_four_random_scenes(seed):
     assert check(seed)
 
 
+@pytest.mark.long
 @pytest.mark.hard
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-9])
 def test_a_stiff_contact_with_damping_of_sliding(tolerance):

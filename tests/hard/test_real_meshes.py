@@ -109,6 +109,7 @@ def linearised(M, C, K, scale, centre, number):
     return s * scale
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mu", [0.0, 0.7])
 def test_damping_contrast_of_a_thousand_between_parts(two_blocks, mu):
     """Lining with eta = 0.1 on a plate with 1e-4, all in one band."""
@@ -141,6 +142,7 @@ SOFT = [
 ]  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mu", [pytest.param(0.0, marks=pytest.mark.slow), 0.5])
 def test_solid_shim_ten_thousand_times_softer_than_steel(mu):
     """A steel sheet on a soft layer of 1 mm: all modes of the band as from ARPACK."""

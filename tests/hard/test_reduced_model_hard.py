@@ -67,6 +67,7 @@ def test_penalty_of_perfect_contact(two_blocks, k, x):
     held(scene, 1e-4, x=x, k=np.full(scene.w.size, k))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", ["sliding", "falling"])
 @pytest.mark.parametrize("factor", [0.1, 1e3, 1e5])
 def test_rates_at_the_contact_alone(two_blocks, case, factor):
@@ -135,6 +136,7 @@ def test_losses_a_thousand_times_apart(two_blocks, case):
         held(scene, 1e-5, case, x=x, mu=mu, seed=2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", ["layers", pytest.param("all", marks=pytest.mark.slow)])
 def test_nothing_held_but_by_contact(two_blocks, case):
     """Free bodies, non-proportional damping, one rotates: rigid-body modes are neutral."""

@@ -93,6 +93,7 @@ def test_a_lining_of_4_to_10_mm(tmp_path):
     assert "ranges_that_hold" not in prepared.study.models.facts["reduced_model"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "box", [{HEIGHT: (4e-3, 20e-3)}, {HEIGHT: (9e-3, 20e-3), PLATE: (6e-3, 15e-3)}]
 )

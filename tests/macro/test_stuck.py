@@ -140,6 +140,7 @@ def test_bodies_that_stick_are_one_substructure(comm):
     assert [*brake.stuck] == ["stay"]
 
 
+@pytest.mark.long
 @pytest.mark.together
 def test_a_run_with_sliding_and_stuck_faces(tmp_path, comm):
     """Equilibrium, reduced modes as at full order, drivers, states and forces."""

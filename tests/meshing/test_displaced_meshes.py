@@ -170,6 +170,7 @@ def swept(low, high):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "form", "more"),
     [
@@ -211,6 +212,7 @@ def test_a_scene_with_another_value_is_the_file_of_that_length(written):
     assert_near(brake.K + changes.change({KEY: 8e-3}, "K"), exact.K, 2e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "box",
     [
@@ -297,6 +299,7 @@ def test_frequencies_of_a_plate_follow_its_thickness(written):
         assert bare == pytest.approx(lamb(height, 80e-3), rel=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("move", [pytest.param(worn, marks=pytest.mark.slow), narrowed])
 def test_derivative_to_a_length_is_that_of_files_beside_it(move, written):
     """Central differences at full order, on the contact of the sample as it stands."""
@@ -459,6 +462,7 @@ def swelling(written, meshes, **more):
     return mesh, swollen, pad, scene
 
 
+@pytest.mark.long
 def test_two_lengths_and_a_modulus_of_one_part(written, meshes):
     """Matrices of the file whose nodes both have moved; at corners of the ranges and inside."""
     mesh, swollen, pad, scene = swelling(written, meshes, mass="lumped")

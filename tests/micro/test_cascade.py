@@ -36,6 +36,7 @@ def test_low_passed_keeps_the_waves_of_the_coarse_grid():
     np.testing.assert_allclose(coarse, long[::3, ::3], atol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hardness", [None, HARD])
 def test_a_cascade_of_grids_agrees_with_one(hardness):
     """Rms over two surfaces of 256 pixels, to 5 MPa; the grids change at about 1.5 MPa.

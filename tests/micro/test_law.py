@@ -252,6 +252,7 @@ def test_a_law_of_a_library_can_be_made_again_alone():
     assert laws[0].first_touch != laws[1].first_touch
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hardness", [None, 200e6])
 @pytest.mark.parametrize("boundary", ["free", "periodic"])
 def test_a_law_to_a_low_pressure_is_the_whole_law_up_to_it(hardness, boundary):

@@ -74,6 +74,7 @@ def rms(ratios):
     return np.sqrt(np.mean((np.concatenate(ratios) - 1.0) ** 2))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hardness", [None, 400e6])
 def test_laws_are_right_between_their_steps(hardness):
     """One patch of 402 pixels; the slow test looks at the demo's patch and more surfaces."""

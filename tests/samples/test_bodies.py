@@ -234,6 +234,7 @@ def models(tmp_path_factory):
     return tmp_path_factory.mktemp("models")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("choice", ["warn", "full order"])
 def test_what_becomes_of_a_sample_beyond_the_tolerance(tmp_path, choice, models):
     """Counted and said, or solved at full order: the scene's choice."""
@@ -264,6 +265,7 @@ def test_material_far_from_the_scene_is_factored_afresh(tmp_path):
     np.testing.assert_allclose(a, b, rtol=1e-7, atol=1e-8 * b.max())
 
 
+@pytest.mark.long
 def test_rejected_draws_are_counted_where_one_looks(tmp_path):
     """In samples.csv and the summary; a rigid design keeps the sample with its error."""
     import json

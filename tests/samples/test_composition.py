@@ -61,6 +61,7 @@ def test_reduced_modes_are_made_of_what_whole_ones_are(folder):
     assert "coordinates" in mine.files and "vectors" in whole.files
 
 
+@pytest.mark.long
 def test_a_damped_sample_names_its_partner(folder, tmp_path):
     """Little damping: the pairs of the undamped sample, though their eigenvalues are no mirror."""
     damping = "stability.damping={ loss=true, omega_ref='2 kHz' }"

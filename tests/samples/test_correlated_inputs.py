@@ -35,6 +35,7 @@ def changes(r=0.7, other=0.0, design="random"):
     ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("design", ["random", "latin-hypercube"])
 def test_moments_of_drawn_samples(design):
     """Means and deviations of each law stay; the logarithms have the correlation."""

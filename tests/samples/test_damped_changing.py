@@ -32,6 +32,7 @@ def stored(folder, approach="multi-scale"):
     return [dict(np.load(file)) for file in files]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("terms", TERMS)
 def test_samples_are_those_of_full_order(terms, comm, tmp_path):
     """Every mode within its error; nothing is said to be solved at full order."""
@@ -69,6 +70,7 @@ def test_taken_from_the_cache(tmp_path):
         np.testing.assert_array_equal(one["s"], other["s"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rough", ["joint", "multi-scale"])
 def test_undamped_samples_beside_damped_ones(rough, tmp_path):
     """Falling friction is none of parametric: one set of bodies serves joint too.

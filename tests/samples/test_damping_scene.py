@@ -88,6 +88,7 @@ TERMS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("term", TERMS)
 def test_each_term_moves_the_eigenvalues_as_perturbation_theory_says(term, tmp_path):
     """d lambda = - psi^H lambda C phi / psi^H 2 lambda M phi, C by another way; sign and size.

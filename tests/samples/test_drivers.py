@@ -82,6 +82,7 @@ def beside(study, sample):
     return modes_of_sample(study.models, sample, eq, by_reduction=True)["s"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("case", "kind"),
     [

@@ -61,6 +61,7 @@ def changed(sets, key, length):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name",
     [pytest.param(n, marks=pytest.mark.slow if n in ("hat", "flange") else ()) for n in DISC],
@@ -93,6 +94,7 @@ def test_volume_of_a_pad_follows_its_slot_and_chamfers(key, length, area):
     assert column @ M @ column == pytest.approx(-2 * 2510 * area * (length - usual), rel=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("key", "lengths", "shape"),
     [("chamfer", (7e-3, 9e-3), "rectangle"), ("slot", (3e-3, 6e-3), "rectangle"),
@@ -122,6 +124,7 @@ def test_area_of_contact_follows_chamfer_and_slot(key, lengths, shape):
         assert mass == pytest.approx(-2 * 2510 * strips * across * grown * depth, rel=close)
 
 
+@pytest.mark.long
 def test_contact_of_a_sample_is_that_of_nodes_moved_by_hand():
     """Rows and speeds, chamfer and slot together; the scene's own where both are as written."""
     keys = {"parts.pad.chamfer": 7.6e-3, "parts.pad.slot": 4.5e-3}

@@ -65,6 +65,7 @@ def test_cache_of_another_layout_is_made_again(kept):
     np.testing.assert_array_equal(store.load(FILE)[name], content[name])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("length", [0, 200, 4000])
 def test_damaged_cache_is_made_again(kept, length):
     """Cut short by a full disc: the samples of the run are of one kind, as those before."""

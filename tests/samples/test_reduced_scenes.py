@@ -227,6 +227,7 @@ NOTHING = dict.fromkeys(CHOICES)
 
 
 # Damping in proportion couples no mode of the cap: what its polynomial has is round-off, of 1e-9.
+@pytest.mark.long
 @example(chosen={**NOTHING, "loss": True})
 @settings(max_examples=4, deadline=None)
 @given(chosen=st.fixed_dictionaries(CHOICES))

@@ -60,6 +60,7 @@ def test_a_share_writes_nothing_and_other_matrices_are_not_taken(brake, store):
     assert mapped(made.K) and abs(made.K - softer.K).max() <= 1e-10 * abs(softer.K).max()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["reduced", "full"])
 def test_nothing_writes_into_mapped_matrices(store, monkeypatch, without_pixels, method):
     """Equilibrium, reduced model, full order, damping and pictures: every array is read-only."""

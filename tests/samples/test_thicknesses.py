@@ -79,6 +79,7 @@ def test_gyroscopic_term_of_a_thickness_is_that_of_the_scene_written_with_it():
     assert abs(found - exact).max() < 1e-11 * abs(exact).max()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "damping",
     [

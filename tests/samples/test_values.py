@@ -102,6 +102,7 @@ JOINED = {
 }  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("joint", JOINED)
 def test_joints_beside_a_modulus(joint):
     """Dashpots damp the modes, with no other damping named."""
@@ -240,6 +241,7 @@ TURNING = [
 ]  # fmt: skip
 
 
+@pytest.mark.long
 def test_speed_of_a_turning_body():
     """The gyroscopic matrix of the plate alone, beside the damping of its mass."""
     ends = {SPEED: (20.0, 200.0), ALPHA: (0.0, 200.0)}

@@ -119,6 +119,7 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.mark.long
 @settings(max_examples=3, deadline=None)
 @given(
     law=st.sampled_from([*LAWS]), key=st.sampled_from([*NOMINAL]), factor=st.floats(0.8, 1.25),

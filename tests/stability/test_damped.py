@@ -103,6 +103,7 @@ def test_rayleigh_chain_with_a_doublet_of_every_mode():
     assert (m.count.kind, m.count.expected) == ("proven", 40) and "zeros of T(z)" in m.count.how
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("withheld", [0, 1, 2])
 def test_large_problems_are_counted(two_blocks, monkeypatch, withheld):
     """Loss, sliding and friction of low rank; pairs that the eigensolver withholds are noticed.

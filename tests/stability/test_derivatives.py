@@ -139,6 +139,7 @@ def compared(scene, case, by_formula, most=1e-5):
         assert error < most, f"{name}: {error:.1e}"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", CASES)
 def test_reduced_model_agrees_with_differences_of_the_full_problem(two_blocks, case):
     """Contact from the interface alone, layers from left and right displacements.

@@ -43,6 +43,7 @@ def stiffness(n, seed):
     return k
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mu", [0.3, 1.0, "each"])
 def test_all_modes_of_two_blocks(two_blocks, mu):
     """Springs over two decades, a third open; proven, whichever way friction is given.
@@ -88,6 +89,7 @@ def shared(A, comm):
     return B
 
 
+@pytest.mark.long
 @pytest.mark.together
 @pytest.mark.parametrize("damped", [False, True])
 def test_processes_share_a_problem(two_blocks, damped):

@@ -49,6 +49,7 @@ def reduced(seed, tolerance):
     return Reduced(K, M, N, T, np.ones(ELEMENTS), 1e11, (0.0, end), tolerance)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7, 1e-9, 1e-12])
 def test_stated_errors_hold_at_every_tolerance(tolerance):
     """The error that the motions leave in the quotient is no less with more moments by itself."""
@@ -91,6 +92,7 @@ def merging(seed):
     )
 
 
+@pytest.mark.long
 def test_verdicts_next_to_a_merging():
     """Within 1e-3 of it: right, and neutral at most three times as often as at full order."""
     neutral = np.zeros(2, int)

@@ -54,6 +54,7 @@ SINGLE = 6e-8
 POINTS = (0.0, (0.3, -0.5)), (0.5, (-1.0, -1.0)), (1.0, (0.7, 0.9))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case, mu, seed", turns(zip(KINDS), [(0.0, 1), (0.4, 2), (1.0, 3)]))
 def test_every_mode_of_constant_materials(two_blocks, case, mu, seed):
     """Two decades of contact stiffness, 30 % open: none missed, errors covered, verdicts right.
@@ -66,6 +67,7 @@ def test_every_mode_of_constant_materials(two_blocks, case, mu, seed):
     assert sample.agrees(sample.modes(offline(scene, case))) < 2e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case, mu, x", turns(zip(KINDS), POINTS), ids=str)
 def test_every_mode_of_changing_materials(two_blocks, case, mu, x):
     """Two points inside, and the corner without an anchor; damping follows the stiffness."""
@@ -113,6 +115,7 @@ def test_growing_modes_are_found_without_the_others(two_blocks, case):
         assert np.all(np.abs(both[1] - both[0]) <= some.error[np.isin(some.s, both[1])])
 
 
+@pytest.mark.long
 def test_tolerance_buys_accuracy(two_blocks):
     """More points and higher degrees: errors fall down to single precision, and so do estimates."""
     scene = two_blocks("coarse")

@@ -89,6 +89,7 @@ def test_a_grooved_scan_has_a_texture_aspect_ratio():
     assert iso_parameters(levelled(topo))["S_tr"] < 0.05
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ratio", [4, 16])
 def test_surfaces_have_the_two_dimensional_spectrum(ratio):
     """Density in eight sectors of three rings against the known one, from the mean of 16 scans."""

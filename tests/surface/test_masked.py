@@ -74,6 +74,7 @@ def octaves(stats):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", some(KINDS))
 def test_missing_points_bias_no_octave(kind):
     """Octaves of scans with holes over those of the same scans without, the mean of 8 scans.
@@ -113,6 +114,7 @@ def pad():
     return whole, laws(characterise(whole))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", some([*KINDS[1::2], ("discs", 0.5)]))
 def test_laws_of_scans_with_holes_are_those_of_the_whole_scan(pad, kind):
     """k and v at 0.2 MPa within the scatter of 12 surfaces; k was 2.2 times with 70 % missing."""

@@ -59,6 +59,7 @@ def test_unequal_damping_passes_beside_the_merging():
     assert onset.kind == ONSET and abs(onset.x - brentq(growth, 0.6, 1.2)) <= 1e-4 * 1.2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "damping", [None, lambda K: 0.02 * np.eye(40) + 1e-3 * K, lambda K: 0.05 * np.eye(40)]
 )

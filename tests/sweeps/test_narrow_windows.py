@@ -62,6 +62,7 @@ def changes(K):
     return int(steps[steps > 0].sum()), -int(steps[steps < 0].sum())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("step", [1, -1])
 @pytest.mark.parametrize("model", [crossing, touching, beside, third])
 def test_narrow_windows_are_found(model, step):

@@ -20,6 +20,8 @@ from brake_fenicsx.results.run import read_run
 from brake_fenicsx.sweeps.critical import critical_values
 from coarse_block import BLOCK, SWEPT
 
+pytestmark = pytest.mark.long
+
 COMM = MPI.COMM_SELF
 KEY = "contact.block_plate.friction"
 ONSET = "onset of squeal"

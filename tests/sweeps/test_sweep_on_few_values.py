@@ -52,6 +52,7 @@ def test_each_value_is_within_its_estimate_of_full_evaluation(model, approach):
     assert near.line.projected > near.line.full
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("approach", ["multi-scale", "classical"])
 def test_events_are_those_of_161_values_in_full(model, approach):
     """Merging, splitting, onset and end of squeal: the same ones, to 1e-4 of the range."""
@@ -65,6 +66,7 @@ def test_events_are_those_of_161_values_in_full(model, approach):
             assert abs(x - wanted) <= 1e-4 * LAST
 
 
+@pytest.mark.long
 def test_samples_miss_no_onset_but_of_windows_within_a_step(model):
     """Eleven values of each sample, and those between where modes meet, against 41 in full."""
     step = LAST / 10

@@ -141,6 +141,7 @@ def test_free_disc(comm, cells, bound):
     too_high(modes, wanted[6:], bound)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cells, bound", [slow("tetrahedra", 1e-2), ("hexahedra", 5.5e-3)])
 def test_free_pad(comm, cells, bound):
     """Lining and plate as one body: the first eight modes on a mesh of 6 mm, from above.

@@ -47,6 +47,7 @@ def test_known_limits_of_the_dispersion_relation():
     np.testing.assert_allclose(f, wanted[: f.size], rtol=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mu", FRICTION)
 @pytest.mark.parametrize("nu", POISSON)
 @pytest.mark.parametrize("kh", WAVES)

@@ -71,6 +71,7 @@ def angular_order(solved, shape):
     return max(parts, key=parts.get)
 
 
+@pytest.mark.long
 def test_a_wave_pair_splits_by_two_m_omega():
     """Thin disc, |m| up to 2 at least; the wave that runs along is the faster one.
 

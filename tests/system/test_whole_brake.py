@@ -29,6 +29,7 @@ def results(folder, *more):
     return json.loads((folder / "summary.json").read_text())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("verify", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_floating_caliper_presses_both_pads_alike(verify, tmp_path):
     """No spring along z: the fingers give the outer pad what the piston gives the inner one; the

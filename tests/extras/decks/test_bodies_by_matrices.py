@@ -217,6 +217,7 @@ def test_supports_springs_masses_and_damping_of_sets(exported, cap):
     assert held.elastic.free.size == plain.elastic.free.size - 2 * over
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("damping", [{}, {"damping": "C.mtx"}])
 def test_a_run_with_the_reduced_model_against_full_order(exported, cap, damping):
     """Modes by the reduced model, its samples verified, and the share of the body in them.

@@ -237,6 +237,7 @@ def pair(meshes, tmp_path):
     return scenes
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("order", [1, 2])
 def test_a_brake_with_its_shim_as_shells(order, pair, capsys):
     """The same matrices, contact and load as with the shim as solids, in another order of nodes."""
@@ -260,6 +261,7 @@ def test_modes_of_a_brake_with_its_shim_as_shells(pair):
     np.testing.assert_allclose(b, a, rtol=1e-7, atol=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("cells", "order", "nodes"),
     [("tetrahedra", 1, 3), ("tetrahedra", 2, 3), ("tetrahedra", 2, 6), ("hexahedra", 2, 4)],

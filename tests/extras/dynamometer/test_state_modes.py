@@ -18,6 +18,8 @@ from coarse_block import BLOCK, FRICTION, ROUGH
 from processes import command
 from run_tables import read_rows
 
+pytestmark = pytest.mark.long
+
 E3 = "materials.lining.C33"
 MATRIX = """\
 pressure [bar],temperature [degC],direction,section,stops

@@ -95,6 +95,7 @@ def test_a_sample_against_time_steps():
     assert outcome == "stable" and agree(*given)
 
 
+@pytest.mark.long
 @pytest.mark.hard
 @pytest.mark.parametrize(
     ("size", "k", "share"),

@@ -410,6 +410,7 @@ def test_a_constant_that_the_file_does_not_write_is_refused(tmp_path):
         with_constants(scene, "other", {"E": 7e10, "loss": 0.1})
 
 
+@pytest.mark.long
 def test_identify_writes_the_scene(tmp_path, capsys):
     """A copy beside the scene fits the peaks; another folder and another file are refused."""
     scene, peaks = tmp_path / "box.toml", tmp_path / "peaks.csv"

@@ -92,6 +92,7 @@ def write_responses(path, points, responses, unit=1e3, **labels):
     pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
 
 
+@pytest.mark.long
 def test_a_bar_beside_its_closed_form(tmp_path, capsys):
     """Accelerances of a free beam, in mm/s^2 over N, against those of the mesh."""
     scene, test, out = tmp_path / "bar.toml", tmp_path / "bar.unv", tmp_path / "out"
@@ -174,6 +175,7 @@ def test_frac_is_one_whatever_the_scale_and_zero_of_orthogonal_responses():
     assert frac(np.exp(2j * np.pi * np.arange(8) / 8), np.ones(8)) == pytest.approx(0, abs=1e-12)
 
 
+@pytest.mark.long
 def test_responses_of_the_model_alone(tmp_path, capsys):
     """At points of a table: reciprocal, with the peaks of the real modes among the frequencies."""
     scene, table, out = tmp_path / "bar.toml", tmp_path / "points.csv", tmp_path / "out"

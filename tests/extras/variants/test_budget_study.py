@@ -60,6 +60,7 @@ def table(folder):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.long
 def test_budget_end_to_end_is_interrupted_and_goes_on(few, tmp_path, monkeypatch):
     counted = pipeline.run
 
@@ -147,6 +148,7 @@ def test_budget_stops_a_variant_at_its_limit_and_names_it(few, reference, tmp_pa
     assert "<td>not run" not in page
 
 
+@pytest.mark.long
 @pytest.mark.hard
 def test_variant_that_fails_is_a_row_and_the_others_go_on(few, tmp_path, monkeypatch):
     """The table shows the error message; the next call repeats the failed variant.

@@ -20,6 +20,8 @@ from brake_fenicsx.scene.digest import result_digest
 from coarse_block import BLOCK, FRICTION, HEIGHT, ROUGH, levers
 from run_tables import read_rows
 
+pytestmark = pytest.mark.long
+
 COMM = MPI.COMM_SELF
 STIFFNESS = "materials.iron.E"
 LEVERS = levers((STIFFNESS, "'200 GPa'"), (FRICTION, "0.05"), (HEIGHT, "'30 mm'"))
