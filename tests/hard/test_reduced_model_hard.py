@@ -227,6 +227,7 @@ def test_next_to_the_merging_of_two_modes(two_blocks, seed):
     assert number and max(condition) > 50
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", ["little", "sliding", "all"])
 def test_exceptional_points_of_damped_and_changed_bodies(two_blocks, case):
     """Friction and contact stiffness at which two damped modes merge, and next to it.

@@ -33,15 +33,6 @@ from .shell_surface import (
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# Edges whose middle nodes follow the corners in Abaqus; those of the body and the faces come next.
-_EDGES = {
-    "tetrahedron": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
-    "hexahedron": (
-        (0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6),
-        (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7),
-    ),
-}  # fmt: skip
-
 
 def solid_shells(found: FileMesh, sections: Sequence[ShellSection]) -> FileMesh:
     """The file with the shells of all sections as cells.
@@ -150,7 +141,12 @@ def write_abaqus(found: FileMesh, path: Path) -> None:
     """Write cells and groups as a flat .inp file, in the unit that they have."""
     shape, count = found.shape, found.cells.shape[1]
     corners, used = CORNERS[shape], np.unique(found.cells)
-    middles = (*_EDGES[shape], range(8), *FACES[shape])[: count - corners]
+    # Middle nodes of Abaqus: lower, upper and upright edges, body, faces.
+    n = len(FACES[shape][0])
+    low = [(i, (i + 1) % n) for i in range(n)]
+    high = [(i + 4, j + 4) for i, j in low if n == 4]
+    upright = [(i, i + 4 if n == 4 else 3) for i in range(n)]
+    middles = (*low, *high, *upright, range(8), *FACES[shape])[: count - corners]
     order = [*range(corners), *(MIDDLES[shape][frozenset(some)] for some in middles)]
     lines = ["** Written by brake-fenicsx init --shells solid", "*NODE"]
     rows = zip(listed(used), listed(found.points[used]), strict=True)
