@@ -239,6 +239,7 @@ def test_orthotropic_constants_of_ansys(tmp_path):
     for more, said in (
         (ORTHOTROPIC.replace("GXZ ", "ALPX"), "no elastic constant or density"),
         (ISOTROPIC + "MP,EX,1,5.\n", "several values"),
+        (ISOTROPIC + "MP,GXY,1,5.\n", "; the file has EX, NUXY, DENS, GXY"),
         ("MP,DENS,1,7.2e-9\nMP,ALPX,1,1e-5\n", "no elastic constant or density"),
         (ORTHOTROPIC.replace("8000.0,", "8000.0, 9000.0,"), "several values"),
     ):
