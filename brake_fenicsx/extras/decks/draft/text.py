@@ -217,7 +217,7 @@ class Draft:
             if "model" in own:
                 self._write("materials", {name: own})
             else:
-                given = ", ".join(label for label in self.deck.constants.get(name, ()) if label)
+                given = ", ".join(label for label in self.deck.constants.get(name, {}) if label)
                 said = f"; the file has {given}" if given else ""
                 self.lines["materials"].append(f"# missing: {dotted(name)} = {_MISSING}{said}")
 
