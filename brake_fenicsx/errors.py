@@ -53,6 +53,19 @@ class Separated(NotConverged):
     """No equilibrium: the loads leave a part without contact and without support."""
 
 
+class OfOneProcess:
+    """What holds a mesh, matrices or processes of MPI, which no other process can be sent."""
+
+    __slots__ = ()
+
+    def __reduce__(self) -> str:
+        """Refuse, in place of the libraries' own errors."""
+        raise BrakeError(
+            f"pickle: {type(self).__name__} has a mesh or matrices of this process; send the model"
+            " of brake_fenicsx.prepare, which loads its folder there, or prepare in each process"
+        )
+
+
 @contextmanager
 def located(where: object, kind: type[Exception] = SceneError) -> Iterator[None]:
     """Name the place of a mistake: errors raised within become ``SceneError("where: text")``.

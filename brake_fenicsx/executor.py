@@ -139,13 +139,28 @@ def samples_elsewhere(
 
 def _compute(source: Source, digest: str, tasks: Sequence[Task]) -> list[Record]:
     """Compute and store samples in a worker."""
+    study = loaded(source, digest)
+    with _ALONE:
+        return [_computed(study, task) for task in tasks]
+
+
+def loaded(source: Source, digest: str) -> Study:
+    """What the samples of a prepared model share, in another process.
+
+    Args:
+        source: of the model.
+        digest: of its scene.
+
+    Raises:
+        SceneError: this process cannot load the folder.
+    """
     if os.getpid() != _PROCESS:
         raise SceneError(
             "executor: its processes are forked, which MPI does not survive; give"
             ' ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn"))'
         )
     with _ALONE:
-        return [_computed(_entered(source, digest), task) for task in tasks]
+        return _entered(source, digest)
 
 
 @lru_cache(maxsize=1)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -19,7 +20,7 @@ from brake_fenicsx.arguments import likely, listed, of_kind, positive, quantity,
 from brake_fenicsx.checks import check
 from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.executor import Source, samples_elsewhere, samples_here
+from brake_fenicsx.executor import Source, loaded, samples_elsewhere, samples_here
 from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.lock import Share
@@ -45,17 +46,38 @@ Array = NDArray[np.float64]
 class Model:
     """A scene whose brake, laws and reduced model are made.
 
+    Pickled, it is the folder that it was prepared in, which other processes load.
+
     Attributes:
         scene: the scene.
         study: its samples.
         source: what it was prepared from; None with extensions, which are no plain values.
     """
 
+    _load: Callable[[], Study]
+
     def __init__(self, study: Study, source: Source | None, folder: TemporaryDirectory[str] | None):
         self.scene: Scene = study.scene
         self.study: Study = study
         self.source: Source | None = source
         self._folder = folder
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Where the model was prepared, for another process."""
+        if self.source is None:
+            raise SceneError(
+                "pickle: a model with extensions, objects of this process; name their classes in"
+                " the section [extensions] of the scene"
+            )
+        return _sent, (self.source, self.study.store.digest)
+
+    def __getattr__(self, name: str) -> Any:
+        """Scene and samples of a model that was sent here, loaded when first asked for."""
+        if name not in ("scene", "study") or "_load" not in self.__dict__:
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+        self.study = self._load()
+        self.scene = self.study.scene
+        return self.__dict__[name]
 
     def __repr__(self) -> str:
         """One line."""
@@ -228,6 +250,13 @@ class Model:
                 f"{'' if count else likely(chosen, named)}"
             )
         return chosen, sample
+
+
+def _sent(source: Source, digest: str) -> Model:
+    """A model in the process that it was sent to."""
+    model = Model.__new__(Model)
+    model.source, model._load, model._folder = source, partial(loaded, source, digest), None
+    return model
 
 
 @with_its_arguments

@@ -364,6 +364,7 @@ WRONG_WORDS = [
     (["report", "b.toml"], "b.toml: a file, and no folder of results"),
     (["check", "win.toml"], "write paths with / or in single quotes"),
     (["check", "pipe.toml"], "pipe.toml: a device or pipe, no file"),
+    (["check", "b.toml", "--set", "contact.block_plate.friction='0.5'"], "without quotes, 0.5"),
     (["check", "b.toml", "--set", "contact.block_plate.friction=0,4"],
      "decimals have a point, 0.4"),
     (["check", "b.toml", "--set", "motion.speed=300 rpm"],

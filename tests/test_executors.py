@@ -2,6 +2,7 @@
 
 import logging
 import os
+import pickle
 import re
 import shutil
 import subprocess
@@ -16,7 +17,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx import executor as workers
-from brake_fenicsx import prepare, run
+from brake_fenicsx import prepare, run, sample
 from brake_fenicsx.errors import BrakeError, NotConverged, SceneError
 from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.folder.store import Store
@@ -134,6 +135,21 @@ def test_threads_take_turns(whole, tmp_path):
 @pytest.fixture(scope="module")
 def model():
     return prepare(BLOCK, CHANGES)
+
+
+@pytest.mark.long
+def test_a_model_is_sent_as_its_folder(model):
+    """The same modes there; no extensions, and none of what is in the model."""
+    here, value = model.modes(), {"contact.block_plate.friction": 0.4}
+    again = pickle.loads(pickle.dumps(model))
+    assert again.scene == model.scene and np.array_equal(again.modes().s, here.s)
+    with ProcessPoolExecutor(1, mp_context=SPAWN) as pool:
+        assert np.array_equal(pool.submit(sample, model, value).result().s, model.modes(value).s)
+    own = prepare(BLOCK, CHANGES, extensions=Extensions())
+    study = model.study
+    for held in (own, study, study.models, study.brake, study.brake.mesh, study.equilibria):
+        with pytest.raises(BrakeError, match=r"^pickle: "):
+            pickle.dumps(held)
 
 
 @pytest.mark.parametrize(

@@ -17,11 +17,43 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import in_effect, result_digest
+from brake_fenicsx.scene.keys import walk
 from brake_fenicsx.scene.units import to_si
+from brake_fenicsx.scene.written_back import with_values
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"
 WHOLE = SCENES / "whole_brake.toml"
+
+
+DAMPED = 'damping = { rayleigh = ["9 1/s", "0.1 us"] }\nthreshold'
+RANDOM = """
+[samples.random]
+'loads."block.top".pressure' = { law = "lognormal", mean = "5e3 mbar", sd = "1 bar" }
+"""
+
+
+def test_values_written_back_keep_their_units(tmp_path):
+    """Lengths, rates, a list of two units, a frequency in rad/s, and the mean of a random load."""
+    text = (SCENES / "squealing_block.toml").read_text()
+    for old, new in (("18 kHz", "90 krad/s"), ("threshold", DAMPED), ("1 m/s", "0.1 cm/ms")):
+        text = text.replace(old, new)
+    file = tmp_path / "scene.toml"
+    file.write_text(text.partition("[[countermeasures]]")[0] + RANDOM)
+    values = {
+        ("parts", "block", "length"): 0.0412, ("contact", "block_plate", "law", "u0"): 4e-7,
+        ("loads", "block.top", "pressure"): 6e5, ("motion", "speed"): 1.3,
+        ("stability", "band"): (0.0, 14e3), ("stability", "damping", "rayleigh"): (12.0, 2e-7),
+        ("samples", "random", 'loads."block.top".pressure', "mean"): 4.4e5,
+    }  # fmt: skip
+    file.write_text(with_values(file, values))
+    scene = read_scene(file)
+    found = {keys: value for keys, _, value in walk(scene) if keys in values}
+    found["parts", "block", "length"] = scene.parts["block"].parameters.length
+    found["motion", "speed"] = scene.motion.rate
+    assert found == {k: pytest.approx(v, rel=1e-5) for k, v in values.items()}
+    for said in ('"41.2 mm"', '"0.13 cm/ms"', '"87.9646 krad/s"', '"0.2 us"', '"4400 mbar"'):
+        assert said in file.read_text()
 
 
 @pytest.mark.parametrize(

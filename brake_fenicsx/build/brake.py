@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx import compat
 from brake_fenicsx.arguments import Array
-from brake_fenicsx.errors import SceneError
+from brake_fenicsx.errors import OfOneProcess, SceneError
 from brake_fenicsx.extensions import sections
 from brake_fenicsx.macro.condensation import Compliance
 from brake_fenicsx.macro.contact_elements import Contact, join
@@ -34,7 +34,7 @@ from .scene_mesh import check_mesh, scene_mesh
 
 
 @dataclass(frozen=True, slots=True)
-class Brake:
+class Brake(OfOneProcess):
     """Assembled operators of a scene.
 
     Attributes:

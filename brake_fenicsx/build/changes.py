@@ -131,8 +131,9 @@ class ChangingBodies:
             for name, length, (low, high) in zip(names, lengths, ends, strict=True):
                 if not low <= length <= high:
                     raise SceneError(
-                        f"{name} = {length:g} m: lies beyond the range that was prepared,"
-                        f" {low:.4g} to {high:.4g} m; widen that, or write min and max of the law"
+                        f"{name} = {1e3 * length:.6g} mm: lies beyond the range that was prepared,"
+                        f" {1e3 * low:.4g} to {1e3 * high:.4g} mm; widen that, or write"
+                        " min and max of the law"
                     )
 
     def coefficients(self, values: Mapping[str, float]) -> Array:

@@ -182,8 +182,9 @@ class MovingContact:
             try:
                 self._latest = mark, self._integrated(np.asarray(step, float))
             except SceneError as error:
-                said = (f"{n} = {values.get(n, own):.4g} m" for n, (own, _) in self._moves.items())
-                raise SceneError(f"{', '.join(said)}: {error}") from None
+                own = ((n, values.get(n, length)) for n, (length, _) in self._moves.items())
+                said = ", ".join(f"{n} = {1e3 * length:.4g} mm" for n, length in own)
+                raise SceneError(f"{said}: {error}") from None
         return self._latest[1]
 
     def _integrated(self, step: Array) -> Contact:

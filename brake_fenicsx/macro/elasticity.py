@@ -24,7 +24,7 @@ from dolfinx.fem import petsc as fem_petsc
 from numpy.typing import NDArray
 
 from brake_fenicsx import compat
-from brake_fenicsx.errors import SceneError
+from brake_fenicsx.errors import OfOneProcess, SceneError
 from brake_fenicsx.meshing.brake_mesh import Mesh
 
 from .material import Material
@@ -86,7 +86,7 @@ class FaceAddition:
 
 
 @dataclass(frozen=True, slots=True)
-class FreeDofs:
+class FreeDofs(OfOneProcess):
     """Numbering of the displacement dofs that are not held.
 
     Attributes:

@@ -114,7 +114,8 @@ class Moving:
                 return assemble()
 
         if (found := matrix_series(at, len(self.usual))) is None:
-            ranges = " and ".join(f"between {a:g} m and {b:g} m" for a, b in self.ends)
+            ends = (f"between {a:.4g} and {b:.4g} mm" for a, b in 1e3 * self.ends)
+            ranges = " and ".join(ends)
             raise InaccurateResult(
                 f"the stiffness of {', '.join(self.layers)} changes too much {ranges} for a series"
                 f" of degree {DEGREES[-1]}: narrow the range"
@@ -189,7 +190,7 @@ def moving(
         return ""
 
     def said(p: Array) -> str:
-        return ", ".join(f"{length:.4g} m" for length in p)
+        return ", ".join(f"{1e3 * length:.4g} mm" for length in p)
 
     steps = 9 if len(moves) == 1 else 3
     for p in map(np.array, product(*np.linspace(ends[:, 0], ends[:, 1], steps).T)):

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.arguments import of_kind
-from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.errors import InaccurateResult, OfOneProcess
 from brake_fenicsx.folder.memory import release_memory
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ BLOCK = 128
 MUMPS = {"mat_mumps_icntl_14": 40, "mat_mumps_icntl_24": 1, "mat_mumps_icntl_27": BLOCK}
 
 
-class Factor:
+class Factor(OfOneProcess):
     """L D L' of a symmetric matrix, or L U of another one.
 
     Attributes:

@@ -153,7 +153,8 @@ def _check_flat(mesh: Mesh, layer: str, cells: NDArray[np.int32], thickness: flo
         low, high = z[own].min(), z[own].max()
         if abs(high - low - thickness) > SAME * thickness:
             raise SceneError(
-                f"{key} = {thickness:g} m: the layer of the mesh is {high - low:.6g} m thick along"
+                f"{key} = {1e3 * thickness:.6g} mm: the layer of the mesh is"
+                f" {1e3 * (high - low):.6g} mm thick along"
                 " z; write that"
             )
         ends = np.minimum(z[own] - low, high - z[own])[shared[own]]

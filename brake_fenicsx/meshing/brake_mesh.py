@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx import compat
-from brake_fenicsx.errors import SceneError
+from brake_fenicsx.errors import OfOneProcess, SceneError
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.geometry.part import PartEntities, Swept
 
@@ -46,7 +46,7 @@ MOST_CELLS = 1e8
 
 
 @dataclass(frozen=True, slots=True)
-class Mesh:
+class Mesh(OfOneProcess):
     """A tagged mesh.
 
     Attributes:

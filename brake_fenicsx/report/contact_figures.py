@@ -47,7 +47,7 @@ def draw_contact_maps(run: RunData) -> Figure | None:
     for axis in axes.flat:
         axis.label_outer()
     shape = "{} x {}".format(*maps["pressures"].shape[1:])
-    text = f"contact pressure [MPa], {shape} points; white: no contact"
+    text = f"contact pressure [MPa]\n{shape} points; white: no contact"
     figure.colorbar(image, ax=list(axes.flat), label=text, extend="both", shrink=0.9)
     return figure
 

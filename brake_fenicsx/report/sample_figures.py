@@ -74,7 +74,7 @@ def draw_probability(run: RunData) -> Figure | None:
     elif calm := _single(run):
         names = ", ".join(label(run, name) for name in calm)
         axes[0, 0].set_title(f"{names}: no squeal mode in the one run", loc="right", size=8)
-    axes[-1, 0].set_xlabel(f"{KHZ}, bands of {width[0] * 1e3:g} Hz\nsqueal: {run.criterion}")
+    axes[-1, 0].set_xlabel(f"{KHZ}, bands of {width[0]:g} kHz\nsqueal: {run.criterion}")
     return figure
 
 

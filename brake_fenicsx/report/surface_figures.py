@@ -61,7 +61,7 @@ def draw_topography(run: RunData) -> Figure | None:
     axes[0, 1].plot(y, z[z.shape[0] // 2], color=ORANGE, lw=0.9, ls="--", label="along y, mid x")
     axes[0, 1].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.1)
     finish(axes[0, 1], xlabel="position [mm]", ylabel="height [µm]")
-    axes[0, 1].set_title("(b) profiles through the centre", pad=32)
+    axes[0, 1].set_title("(b) central profiles", pad=32)
     return figure
 
 

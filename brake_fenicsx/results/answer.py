@@ -271,7 +271,8 @@ def open_points(run: RunData) -> str:
         if missed := about.get("tolerance_missed"):
             said.append(
                 f"tolerance not reached: {missed} of {about['modes']} modes have an error estimate"
-                f" above stability.tolerance, the largest {about['largest_error']:.1e} of |lambda|"
+                f" above stability.tolerance, the largest {about['largest_error']:.1e} of |lambda|;"
+                ' stability.on_tolerance = "full order" solves such samples again'
             )
         if unproven := about.get("not_complete"):
             said.append(

@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from brake_fenicsx.arguments import AnyArray, Array
 from brake_fenicsx.build.damping_terms import record
 from brake_fenicsx.build.parametric import ParametricBrake
+from brake_fenicsx.errors import OfOneProcess
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.memory import release_memory
@@ -36,7 +37,7 @@ FAMILIES = 1.3
 UNITS = {"_1_s": " 1/s", "_rad_s": " rad/s", "_m_s": " m/s", "_N_s_m": " N s/m", "_s": " s"}
 
 
-class Models:
+class Models(OfOneProcess):
     """What the samples of a study share.
 
     Attributes:

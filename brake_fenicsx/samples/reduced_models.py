@@ -19,7 +19,7 @@ from brake_fenicsx.arguments import AnyArray, Array, Index
 from brake_fenicsx.build.damping_terms import Terms, with_modal_damping
 from brake_fenicsx.build.parametric import ParametricBrake
 from brake_fenicsx.build.values import Box, Values
-from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+from brake_fenicsx.errors import BrakeError, OfOneProcess, SceneError, StorageError
 from brake_fenicsx.extensions import widest_band
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import Progress, logger
@@ -40,7 +40,7 @@ from .sampling import SampleInput, friction_of_contact
 LAYOUT = 12
 
 
-class ReducedModels:
+class ReducedModels(OfOneProcess):
     """Reduced models of a study.
 
     Attributes:

@@ -16,7 +16,7 @@ import numpy as np
 from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.parametric import parametric_brake
-from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
+from brake_fenicsx.errors import BrakeError, InaccurateResult, OfOneProcess, SceneError
 from brake_fenicsx.extensions import beside_samples, load
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.sample_files import Task
@@ -49,7 +49,7 @@ VERIFY = "verify"
 LARGEST = 500_000
 
 
-class Study:
+class Study(OfOneProcess):
     """All samples of a scene on one brake."""
 
     def __init__(

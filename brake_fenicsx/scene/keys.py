@@ -58,7 +58,7 @@ GONE = {
 TEXTS = {
     "missing": "missing; it has no default", "dict_type": "write a table",
     "string_type": "write text", "bool_type": "write true or false",
-    "int_type": "write a whole number", "tuple_type": "write a list",
+    "int_type": "write a whole number", "tuple_type": "write a list, [.., ..]",
     "greater_than": "must be positive", "greater_than_equal": "must be zero or more",
     "less_than_equal": "too large",
 }  # fmt: skip
@@ -427,6 +427,8 @@ def _line(error: Any, table: Any, root: Any) -> str:
         value = value[name]
     if isinstance(value, str) and re.fullmatch(r"[+-]?\d+,\d+", value):
         text += f"; decimals have a point, {value.replace(',', '.')}"
+    elif isinstance(value, str) and "number" in text and re.fullmatch(r"[-+\d.eE]+", value):
+        text += f"; without quotes, {value}"
     return f"{dotted(*keys)} = {shown(value)}: {text}"
 
 

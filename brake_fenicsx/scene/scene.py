@@ -10,7 +10,7 @@ assembled nor imported.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, is_dataclass, make_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, make_dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, Self
@@ -97,6 +97,10 @@ class Scene:
     # Dotted key -> values that an extra's own samples take, SI.
     spanned: dict[str, tuple[float, ...]] = key(default=dict, internal=True)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """The values by name: the class is made anew where it is loaded."""
+        return _made, ({f.name: getattr(self, f.name) for f in fields(self)},)
+
     @property
     def damping(self) -> Damping | None:
         """Terms of the damping."""
@@ -130,6 +134,10 @@ class Scene:
         """Name of an approach to a person: "multi-scale" is said of rough contact alone."""
         rough = any(c.law == "library" or c.gap != "none" for c in self.contact.values())
         return approach if rough or approach != "multi-scale" else "smooth contact"
+
+
+def _made(values: dict[str, Any]) -> Scene:
+    return scene_type(())(**values)
 
 
 @cache

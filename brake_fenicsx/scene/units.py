@@ -152,6 +152,19 @@ def quantity_text(value: float, unit: str) -> str:
     return str(with_unit(float(f"{value:.6g}"), unit))
 
 
+def in_unit_of(value: float, written: Any, unit: str) -> float | str:
+    """A number in SI units as a scene would write it, six digits: in the unit of another quantity.
+
+    Args:
+        value: the number, SI.
+        written: the other one, "70 GPa", or a plain number.
+        unit: SI unit of both.
+    """
+    name = re.sub(r"^[-+\s]*[\d._]+([eE][-+]?\d+)?\s*", "", str(written)).strip()
+    number = float(f"{value / (to_si(f'1 {name}', unit) if name else 1.0):.6g}")
+    return f"{number:.6g} {name}" if name else number
+
+
 def _turns(quantity: Any, unit: str) -> float:
     """2 pi between a frequency and an angular speed, which have the same dimension."""
     text = str(quantity.units)

@@ -9,18 +9,19 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from brake_fenicsx.errors import SceneError
+from brake_fenicsx.errors import SceneError, located
 from brake_fenicsx.folder.files import whole_file
 
-from .read import toml_text
-from .units import to_si
+from .keys import walk
+from .read import read_scene, toml_text
+from .scalars import SPEED, si_unit
+from .scene import Scene
+from .units import in_unit_of
 
-DIGITS = 6
 BOM, MARK = "\ufeff", "\ufffd"
 # A text, a list of such or of numbers, a number or a word.
 VALUE = r"""("[^"\n]*"|'[^'\n]*'|\[[^\[\]]*\]|[-+\w.]+)"""
@@ -36,12 +37,24 @@ def with_values(file: Path, values: Mapping[tuple[str, ...], Any]) -> str:
     Raises:
         SceneError: the file does not write one of them.
     """
+    scene = read_scene(file)
+    units = _units(scene)
     text = file.read_bytes().decode("utf-8")
     begin = BOM if text.startswith(BOM) else ""
     text = text.removeprefix(BOM)
     for path, value in values.items():
-        text = _replaced(file, text, path, value)
+        text = _replaced(file, text, path, value, units.get(path, ""))
     return begin + text
+
+
+def _units(scene: Scene) -> dict[tuple[str, ...], str | tuple[str, ...]]:
+    """SI unit of each key, or of each number of its list."""
+    units: dict[tuple[str, ...], str | tuple[str, ...]] = {}
+    parts = [walk(part.parameters, ("parts", name)) for name, part in scene.parts.items()]
+    for keys, about, _ in chain(walk(scene), *parts):
+        unit = about.get("units") or about.get("unit", "")
+        units[keys] = si_unit(scene, keys[-2]) if unit == "*" else unit
+    return units | {tuple(SPEED.split(".")): si_unit(scene, SPEED)}
 
 
 def write_text(file: Path, text: str) -> None:
@@ -50,8 +63,10 @@ def write_text(file: Path, text: str) -> None:
         part.write_bytes(text.encode("utf-8"))
 
 
-def _replaced(file: Path, text: str, path: tuple[str, ...], value: Any) -> str:
-    """The text with another value of one key."""
+def _replaced(
+    file: Path, text: str, path: tuple[str, ...], value: Any, unit: str | tuple[str, ...]
+) -> str:
+    """The text with another value of one key, of an SI unit or one for each number of a list."""
     where, last = ".".join(path), re.escape(path[-1])
     wanted = tomllib.loads(text)
     table = wanted
@@ -67,17 +82,18 @@ def _replaced(file: Path, text: str, path: tuple[str, ...], value: Any) -> str:
         except ValueError:
             continue
         if found:
-            return f"{head}{toml_text(_written(old, value))}{tail}"
+            with located(f"{file}: {where}", ValueError):
+                return f"{head}{toml_text(_written(old, value, unit))}{tail}"
     raise SceneError(f"{file}: {where}: cannot be replaced there; change it by hand")
 
 
-def _written(old: Any, value: Any) -> Any:
+def _written(old: Any, value: Any, unit: str | tuple[str, ...]) -> Any:
     """A value as the scene writes the old one: in its unit, and as a list if that is one."""
-    first = old[0] if isinstance(old, list) else old
     if isinstance(value, str):
         return value
-    unit = re.sub(r"^\s*[-+\d.eE_]+\s*", "", first) if isinstance(first, str) else ""
-    scale = to_si(f"1 {unit}", "Pa") if unit else 1.0
-    cells = [float(f"{v / scale:.{DIGITS}g}") for v in np.atleast_1d(value)]
-    new = [f"{v:.{DIGITS}g} {unit}" if unit else v for v in cells]
+    many = value if isinstance(value, list | tuple) else [value]
+    units = [unit] * len(many) if isinstance(unit, str) else unit
+    like = old if isinstance(old, list) else [old]
+    like = like if len(like) == len(many) else like[:1] * len(many)
+    new = [in_unit_of(*one) for one in zip(many, like, units, strict=True)]
     return new if isinstance(old, list) or len(new) > 1 else new[0]

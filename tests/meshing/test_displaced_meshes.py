@@ -420,9 +420,7 @@ def test_refused_names(key, text, written):
 def test_values_beyond_what_was_prepared_are_refused(written):
     scene = written(kind=TETRAHEDRA, degree=1)
     prepared = model.prepare(scene, parameters={KEY: (9e-3, 11e-3)})
-    with pytest.raises(
-        SceneError, match=r"value = 0.008 m: lies beyond .* 0.00887\d* to 0.0121\d* m"
-    ):
+    with pytest.raises(SceneError, match=r"value = 8 mm: lies beyond .* 8.87\d* to 12.1\d* mm"):
         prepared.modes({KEY: 8e-3})
     with pytest.raises(SceneError, match=r"wear.value = -0.008: must be positive"):
         prepared.modes({KEY: -8e-3})
@@ -537,7 +535,7 @@ def test_modes_of_a_layer_of_another_thickness(layered):
 @pytest.mark.parametrize(
     ("stated", "key", "text"),
     [
-        (11, LAYER, r"parts.pad.layers.lining = 0.011 m: the layer of the mesh is 0.012 m thick"),
+        (11, LAYER, r"parts.pad.layers.lining = 11 mm: the layer of the mesh is 12 mm thick"),
         (12, "parts.pad.layers.shim", "is no thickness of a layer of this part"),
         (12, "parts.plate.layers.body", "is no thickness of a layer of this part"),
     ],
@@ -567,7 +565,7 @@ def test_a_range_that_folds_cells_is_refused_with_the_largest_that_does_not(writ
     """The highest cells have no height left at 2.83 mm."""
     with pytest.raises(SceneError, match="narrow the range") as refused:
         model.prepare(written(kind=FINE), parameters={KEY: (2.5e-3, 12e-3)})
-    holds = float(re.search(r"the mesh holds to (\S+) m", str(refused.value))[1])
+    holds = float(re.search(r"the mesh holds to (\S+) mm", str(refused.value))[1]) / 1e3
     assert 2.8e-3 < holds < 3.1e-3
     # Just above, a series of few terms does not reach the stiffness.
     with pytest.raises(InaccurateResult, match=r"changes too much between .*: narrow the range"):
@@ -592,7 +590,7 @@ def test_cells_that_fold_between_two_good_meshes(written):
     scene = read_scene(written(kind=("tetrahedra", 1), move=turned))
     mesh = scene_mesh(scene, MPI.COMM_SELF)
     move = Move(KEY, 12e-3, (8e-3, 12e-3), movement(scene, mesh.raw, KEY))
-    with pytest.raises(SceneError, match=r"collapses; the mesh holds to 0.01\d* m"):
+    with pytest.raises(SceneError, match=r"collapses; the mesh holds to 1\d\.\d* mm"):
         moving(mesh, mesh_settings(scene), [move], {})
 
 

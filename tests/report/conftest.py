@@ -13,6 +13,7 @@ from brake_fenicsx.micro import LawRecipe, LawSettings
 from brake_fenicsx.report.figure_inputs import surface_arrays, surface_numbers
 from brake_fenicsx.report.figures import make_figures
 from brake_fenicsx.report.mode_cards import SHAPES
+from brake_fenicsx.report.style import save
 from brake_fenicsx.results.run import save_tables
 from brake_fenicsx.results.tables import MODES, SAMPLES, RowTable, write_rows
 from brake_fenicsx.surface import characterise, given_statistics, make_topography, synthesise
@@ -240,11 +241,27 @@ def make_run(directory: Path, seed: int = 7) -> Path:
 
 
 @pytest.fixture(scope="session")
-def drawn(run_directory, tmp_path_factory) -> tuple[Path, list[Path]]:
+def cut_off() -> list[str]:
+    """Names of the figures of ``drawn`` of which something lies beyond the edge."""
+    return []
+
+
+@pytest.fixture(scope="session")
+def drawn(run_directory, tmp_path_factory, cut_off) -> tuple[Path, list[Path]]:
     """The same run with all its figures, and what was written."""
     directory = tmp_path_factory.mktemp("drawn") / "run & <one>"
     shutil.copytree(run_directory, directory)
-    return directory, make_figures(read_run(directory))
+
+    def saved(figure, folder, name):
+        written = save(figure, folder, name)
+        box, page = figure.get_tightbbox(), figure.bbox_inches
+        if min(box.x0, box.y0) < -0.01 or np.any(box.max > page.max + 0.01):
+            cut_off.append(name)
+        return written
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("brake_fenicsx.report.figures.save", saved)
+        return directory, make_figures(read_run(directory))
 
 
 @pytest.fixture(scope="session")

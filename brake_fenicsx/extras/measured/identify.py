@@ -7,8 +7,10 @@ means (law of total variance).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,8 @@ from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene.read import toml_text
+from brake_fenicsx.scene.units import in_unit_of, to_si
 from brake_fenicsx.scene.written_back import write_text
 
 from .peaks import Peaks, read_peaks
@@ -95,18 +99,20 @@ def identify(
     for s, end in zip(specimens, each, strict=True):
         _say_misfit(s, end, error)
     theta, covariance = _pooled(each)
-    shown = _constants(parsed, material, body, theta, covariance, prior)
+    unit = _unit_of_moduli(parsed.table["materials"][material])
+    shown = _constants(material, unit, body, theta, covariance, prior)
     losses = [_loss(parsed, part, material, *pair) for pair in zip(specimens, each, strict=True)]
     rows = [row for pair in zip(specimens, each, strict=True) for row in _peak_rows(*pair)]
     folder = Path(directory or Path.cwd() / f"{parsed.file.stem}-identified")
-    block = _block(material, body.names, theta, covariance, np.array(losses))
+    block = _block(material, unit, body.names, theta, covariance, np.array(losses))
     if write:
         folder.mkdir(parents=True, exist_ok=True)
         write_rows(folder / "constants.csv", CONSTANTS, shown)
         write_rows(folder / "peaks.csv", PEAKS, rows)
         with whole_file(folder / "random.toml") as file:
             file.write_text(block, encoding="utf-8")
-    said = [text_table(PEAKS, rows), "", text_table(CONSTANTS, shown), *_undetermined(shown), ""]
+    said = [text_table(PEAKS, rows), "", text_table(CONSTANTS, shown)]
+    said += [*_undetermined(shown), ""]
     said += [block, f"wrote {folder / 'random.toml'}"]
     if scene_file is not None:
         text = with_constants(parsed, material, _values(parsed, material, body, theta, losses))
@@ -199,16 +205,28 @@ def _pooled(each: Sequence[Posterior]) -> tuple[Array, Array]:
 
 
 def _constants(
-    scene: Scene, material: str, body: VariedBody, theta: Array, covariance: Array, prior: float
+    material: str, unit: str, body: VariedBody, theta: Array, covariance: Array, prior: float
 ) -> list[list[Value]]:
     rows: list[list[Value]] = []
+    scale = to_si(f"1 {unit}", "Pa")
     for i, name in enumerate(body.names):
         sd = float(np.sqrt(covariance[i, i]))
         ends = np.exp(theta[i] + NORMAL * sd * np.array([0.0, -1.0, 1.0]))
-        unit = "-" if name.startswith("nu") else "Pa"
-        nominal = float(np.exp(body.nominal[i]))
-        rows.append([f"materials.{material}.{name}", unit, nominal, *map(float, ends), sd / prior])
+        values, said = np.array([np.exp(body.nominal[i]), *ends]), "-"
+        if not name.startswith("nu"):
+            values, said = values / scale, unit
+        rows.append([f"materials.{material}.{name}", said, *map(float, values), sd / prior])
     return rows
+
+
+def _unit_of_moduli(table: Mapping[str, Any]) -> str:
+    """Unit in which a table of a scene writes a modulus."""
+    for written in table.values():
+        text = written[0] if isinstance(written, list) else written
+        with suppress(ValueError):
+            to_si(text, "Pa")
+            return str(in_unit_of(1.0, text, "Pa")).partition(" ")[2]
+    return "GPa"
 
 
 def _undetermined(rows: list[list[Value]]) -> list[str]:
@@ -241,7 +259,7 @@ def _peak_rows(peaks: Peaks, end: Posterior) -> list[list[Value]]:
 
 
 def _block(
-    material: str, names: Sequence[str], theta: Array, covariance: Array, losses: Array
+    material: str, unit: str, names: Sequence[str], theta: Array, covariance: Array, losses: Array
 ) -> str:
     """[samples.random] of a scene with the identified constants."""
     sd = np.sqrt(np.diag(covariance))
@@ -251,7 +269,8 @@ def _block(
     for i, name in enumerate(names):
         mean, text = np.exp(theta[i] + 0.5 * sd[i] ** 2), 'law = "lognormal"'
         for word, v in (("mean", mean), ("sd", mean * np.sqrt(np.expm1(sd[i] ** 2)))):
-            text += f", {word} = {v:.6g}" if name[:2] == "nu" else f', {word} = "{v:.6g} Pa"'
+            number = float(f"{v:.6g}") if name[:2] == "nu" else in_unit_of(v, f"1 {unit}", "Pa")
+            text += f", {word} = {toml_text(number)}"
         others = ", ".join(f"{key} = {correlation[i, j]:.4f}" for j, key in enumerate(keys[:i]))
         text += f", correlation = {{ {others} }}" if others else ""
         lines.append(f"{keys[i]} = {{ {text} }}")

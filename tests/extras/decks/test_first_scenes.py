@@ -424,10 +424,13 @@ def test_what_is_refused(keywords, units, said, tmp_path, meshes):
 
 
 def test_a_scene_is_not_overwritten(tmp_path, meshes, monkeypatch, capsys):
-    meshes.write_abaqus(meshes.boxes(), tmp_path / "boxes.inp")
+    """What the scene does not have stands on the terminal."""
+    meshes.write_abaqus(meshes.boxes(), deck := tmp_path / "boxes.inp")
+    deck.write_text(deck.read_text() + "*STEP, NLGEOM=YES\n*STATIC\n*END STEP\n")
     monkeypatch.chdir(tmp_path)
     assert main(["init", "boxes.inp", "--units", "mm", "t", "s"]) == 0
-    assert "wrote boxes.toml: 2 parts, 6 faces" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "wrote boxes.toml: 2 parts, 6 faces\nnot taken over: *STEP, NLGEOM=YES" in out
     assert main(["init", "boxes.inp"]) == 2
     assert "boxes.toml: is there already" in capsys.readouterr().err
 

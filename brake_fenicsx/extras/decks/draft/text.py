@@ -53,6 +53,7 @@ _HEAD = """\
 stages = {}
 """
 _BAND = "5 kHz"
+SAID = 8  # remarks on the terminal
 
 
 def write_scene(
@@ -92,12 +93,12 @@ def write_scene(
     if solid:
         write_abaqus(found, mesh)
     scene.write_text(text)
-    faces, left = len(draft.bodies.faces), text.count("# not taken over:")
+    faces = len(draft.bodies.faces)
+    left = [line[2:] for line in text.splitlines() if line.startswith("# not taken over:")]
     made = f" and {mesh}" * solid
     said = f"{several(len(draft.bodies.boundary), 'part')}, {several(faces, 'face')}"
-    return (
-        f"wrote {scene}{made}: {said}, {several(left, 'comment')} in it on what is not taken over"
-    )
+    more = [f"and {len(left) - SAID} more, as comments of the scene"] if len(left) > SAID else []
+    return "\n".join([f"wrote {scene}{made}: {said}", *left[:SAID], *more])
 
 
 class Draft:
