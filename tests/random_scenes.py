@@ -148,6 +148,7 @@ class Compared:
         undefined: stated errors that are no number or infinite.
         left: largest error that the vectors state, of modes whose own is within the tolerance.
         quotient: largest error of the two-sided quotient of the displacements, over the stated one.
+        alone: as ``ratio``, of the growing modes of a solution for these alone.
     """
 
     modes: int
@@ -157,6 +158,7 @@ class Compared:
     undefined: int
     left: float
     quotient: float
+    alone: float
 
 
 def compared(study, task):
@@ -210,11 +212,15 @@ def compared(study, task):
     Cu = np.zeros_like(u) if C is None else C @ u
     quotient = np.sum(v.conj() * (M @ u * true**2 + Cu * true + K @ u), axis=0)
     quotient = np.abs(quotient / np.sum(v.conj() * (2 * true * (M @ u) + Cu), axis=0))
+    alone = model.modes(p, contact, models.stability.zeta_max, growing=True)
+    grown = (alone.s.real > 1e-6 * np.abs(alone.s)) & (alone.s.imag > 1e-3 * high)
+    off = np.abs(alone.s[grown, None] - exact)
+    off = off.min(axis=1) / (alone.error[grown] + floor[off.argmin(axis=1)])
     return Compared(
         len(modes), float(np.max(distance.min(axis=1) / allowed, initial=0.0)) if s.size else 0.0,
         missed, int(wrong), int(np.sum(~np.isfinite(modes.error))),
         float(np.max(np.array([motions.error, right_error, left_error])[:, within], initial=0.0)),
-        float(np.max(quotient / allowed, initial=0.0)),
+        float(np.max(quotient / allowed, initial=0.0)), float(off.max(initial=0.0)),
     )  # fmt: skip
 
 

@@ -25,16 +25,6 @@ SOLIDS = {
 NO_CELLS = "the file has no tetrahedra or hexahedra; export the solid elements"
 # Nodes and elements of an instance of a deck are numbered from a multiple of it on.
 FAR = 10**10
-# Edges whose middle nodes follow the corners, in the order of VTK, Abaqus and Ansys.
-_VTK_EDGES = {
-    "tetrahedron": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
-    "hexahedron": (
-        (0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6),
-        (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7),
-    ),
-}  # fmt: skip
-# Faces whose middle nodes come next in VTK's 27-node hexahedron.
-_VTK_FACES = ((0, 3, 7, 4), (1, 2, 6, 5), (0, 1, 5, 4), (2, 3, 7, 6), (0, 1, 2, 3), (4, 5, 6, 7))
 
 
 @dataclass(slots=True)
@@ -106,6 +96,10 @@ class FileMesh:
     instances: Mapping[str, str] = field(default_factory=dict)
     advice: str = ""
 
+    def name_of(self, cell: int) -> int:
+        """Number of a cell in the file or, of a deck, in its part."""
+        return self.labels[cell] % FAR if self.labels else cell + 1
+
     def owned(self, name: str, scope: str) -> list[str]:
         """Names here of a set of a part, an instance, or the assembly ("")."""
         parts = self.instances.items()
@@ -176,11 +170,10 @@ def numbered(
         cells = np.array([[place[n] for n in own] for _, own in solids.values()])
     except KeyError as error:
         raise SceneError(f"node {error.args[0] % FAR} of an element is not defined") from None
+    points, cells = np.array(list(nodes.values()), float), cells.reshape(-1, count).astype(np.int64)
     mesh = FileMesh(
-        np.array(list(nodes.values()), dtype=float), shape,
-        cells.reshape(-1, count).astype(np.int64)[:, gmsh_order(shape, count)],
-        numbers=place, labels=[*solids],
-    )  # fmt: skip
+        points, shape, in_gmsh_order(points, cells, shape), numbers=place, labels=[*solids]
+    )
     _add_groups(mesh, cell, skins, elements, nodesets)
     return mesh
 
@@ -204,16 +197,21 @@ def _add_groups(
 
 
 def each_once(mesh: FileMesh, merge: bool) -> None:
-    """Look for cells with the same corners.
+    """Look for cells with the same corners, and for cells that have one of them twice.
 
     Args:
         mesh: the file, without copies afterwards.
         merge: a copy is another name of its cell, as gmsh 2.2 writes those of two groups.
 
     Raises:
-        SceneError: copies that are no names.
+        SceneError: copies that are no names, or collapsed cells.
     """
     corners = np.sort(mesh.cells[:, : CORNERS[mesh.shape]], axis=1)
+    if (flat := np.flatnonzero((np.diff(corners, axis=1) == 0).any(axis=1))).size:
+        raise SceneError(
+            f"element {mesh.name_of(int(flat[0]))} has a corner twice ({flat.size} such elements);"
+            " mesh without collapsed cells"
+        )
     _, first, place = np.unique(corners, axis=0, return_index=True, return_inverse=True)
     if first.size == len(mesh.cells):
         return
@@ -221,7 +219,7 @@ def each_once(mesh: FileMesh, merge: bool) -> None:
     if not merge:
         copy = int(np.setdiff1d(np.arange(place.size), first)[0])
         both = [int(first[place[copy]]), copy]
-        one, two = ((mesh.labels[i] % FAR if mesh.labels else i + 1) for i in both)
+        one, two = map(mesh.name_of, both)
         copies = place.size - first.size
         raise SceneError(
             f"elements {one} and {two} have the same corners ({copies} such copies in all); remove"
@@ -251,11 +249,28 @@ def held_nodes(sign: str, held: Iterable[tuple[int, str]]) -> dict[str, list[int
     return sets
 
 
-def gmsh_order(shape: str, nodes: int) -> list[int]:
-    """Where gmsh's nodes of a cell stand among those of VTK, Abaqus and Ansys."""
-    n = CORNERS[shape]
-    theirs = [frozenset(some) for some in (*_VTK_EDGES[shape], *_VTK_FACES, range(8))]
-    return [*range(n), *(n + theirs.index(some) for some in MIDDLES[shape])][:nodes]
+def in_gmsh_order(points: Array, cells: Ints, shape: str) -> Ints:
+    """Cells of any program with nodes in gmsh's order: a middle node belongs to what it is next to.
+
+    Each program has an order of its own for those of edges, faces and body, and readers differ from
+    programs: meshio gives 20-node hexahedra of Exodus as in the file, not as in VTK (5.3.5).
+
+    Args:
+        points: positions, shape (nodes, 3).
+        cells: nodes of each cell, corners first, shape (cells, nodes of a cell).
+        shape: of the cells.
+
+    Raises:
+        SceneError: middle nodes are at no edges or faces.
+    """
+    n, x = CORNERS[shape], points[cells]
+    order = [*range(n)]
+    for some in [*MIDDLES[shape]][: cells.shape[1] - n]:
+        centre = x[:, [*some]].mean(axis=1)[:, None]
+        order.append(n + int(np.linalg.norm(x[:, n:] - centre, axis=2).sum(axis=0).argmin()))
+    if len({*order}) < len(order) and len(cells):
+        raise SceneError("middle nodes of its cells lie at no edges or faces of them")
+    return np.asarray(cells[:, order])
 
 
 def one_kind(kinds: Iterable[str], shells: Iterable[int] = ()) -> str:

@@ -6,6 +6,8 @@ neither coordinate systems nor included files.
 
 from __future__ import annotations
 
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,7 +20,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import absent, extras, load
 from brake_fenicsx.folder.arrays import reading
 
-from .filemesh import SOLIDS, FileMesh, each_once, gmsh_order, listed, one_kind, same_length
+from .filemesh import SOLIDS, FileMesh, each_once, in_gmsh_order, listed, one_kind, same_length
 from .gmsh_mesh import elements, gmsh_session, nodes_of_model
 
 Ints = NDArray[np.int64]
@@ -108,19 +110,25 @@ def _gmsh_skin(model: Any, entities: Any, place: Ints, shape: str) -> Ints:
 
 def read_other(path: Path) -> FileMesh:
     """Read what meshio reads; groups are its sets, and integers of cells by their value."""
+    said = StringIO()
     try:
         import meshio
-    except ImportError:
+
+        if path.suffix not in meshio.extension_to_filetypes:
+            raise SceneError(f"files {path.suffix} are not known; write .msh, .inp or .bdf instead")
+        with redirect_stderr(said), redirect_stdout(said):
+            read = meshio.read(path)
+    except ImportError as error:
         raise SceneError(
-            f"{path.suffix} needs meshio: pip install meshio, or convert the mesh to .msh or .inp"
+            f"{path.suffix} needs {error.name}: pip install {error.name}, or convert the mesh to"
+            " .msh or .inp"
         ) from None
-    if path.suffix not in meshio.extension_to_filetypes:
-        raise SceneError(f"files {path.suffix} are not known; write .msh, .inp or .bdf instead")
-    read = meshio.read(path)
+    except SystemExit:  # what meshio makes of every file that it cannot read (5.3.5)
+        raise ValueError(" ".join(said.getvalue().split())) from None
     kind = one_kind(block.type for block in read.cells if block.dim == 3)
-    shape, count = SOLIDS[kind]
-    cells = read.get_cells_type(kind)[:, gmsh_order(shape, count)].astype(np.int64)
-    mesh = FileMesh(np.asarray(read.points, dtype=float), shape, cells)
+    points, shape = np.asarray(read.points, dtype=float), SOLIDS[kind][0]
+    cells = read.get_cells_type(kind).astype(np.int64)
+    mesh = FileMesh(points, shape, in_gmsh_order(points, cells, shape))
     read.cell_sets = _meshio_groups(read)
     for name, members in read.cell_sets_dict.items():
         if members.get(kind, np.zeros(0)).size:

@@ -7,10 +7,10 @@ import hertz_parts
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.geometry import block, disc, pad
 from brake_fenicsx.meshing.brake_mesh import check_cells, raw_mesh
-from brake_fenicsx.meshing.filemesh import FileMesh, completed, gmsh_order
+from brake_fenicsx.meshing.filemesh import completed
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings, gathered, gmsh_session
 from brake_fenicsx.meshing.quality import orientation, quality
-from brake_fenicsx.meshing.rawmesh import EDGES, FACETS, exterior_facets, facet_keys, facet_nodes
+from brake_fenicsx.meshing.rawmesh import exterior_facets, facet_keys, facet_nodes
 
 pytestmark = pytest.mark.hard
 
@@ -103,20 +103,6 @@ def test_no_process_is_left_waiting():
     """An impossible size makes gmsh fail: an error message of one line."""
     with pytest.raises(SceneError, match=r"parts\.p: the mesh cannot be built"):
         mesh(block, block.Block(length=0.0, size=1e-3))
-
-
-def test_gmsh_order_agrees_with_positions():
-    """VTK nodes in gmsh's order have the positions of gmsh's tables."""
-    corner = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
-    corner = np.concatenate([corner, corner + np.array([0, 0, 1.0])])
-    edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4),
-             (0, 4), (1, 5), (2, 6), (3, 7)]  # fmt: skip
-    points = np.concatenate([corner, [corner[list(e)].mean(axis=0) for e in edges]])
-    whole, cells = completed(points, np.array([gmsh_order("hexahedron", 20)]))
-    sets = [*EDGES["hexahedron"], *FACETS["hexahedron"], tuple(range(8))]
-    wanted = [corner[list(s)].mean(axis=0) for s in sets]
-    np.testing.assert_allclose(whole[cells[0, 8:]], wanted, atol=1e-15)
-    assert FileMesh(points, "hexahedron", cells).cell_groups == {}
 
 
 def test_serendipity_is_exact_for_quadratic_maps():

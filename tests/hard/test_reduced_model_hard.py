@@ -1,11 +1,12 @@
 """Hard cases of the reduced model: correct within the estimated error, or an error message."""
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
+from scipy.optimize import root
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.stability import Parameters, Reduced, complex_modes, reduce_bodies
@@ -226,21 +227,44 @@ def test_next_to_the_merging_of_two_modes(two_blocks, seed):
     assert number and max(condition) > 50
 
 
-def test_merging_modes_of_damped_and_changed_bodies(two_blocks):
-    """The friction at which two modes are most similar; weak damping separates them."""
-    scene, x = two_blocks("coarse"), (-0.5, 0.7)
-    model = offline(scene, "little", changing=True)
-    k = np.full(scene.w.size, 3 * K0)
+@pytest.mark.long
+@pytest.mark.parametrize("case", ["little", "sliding", "all"])
+def test_exceptional_points_of_damped_and_changed_bodies(two_blocks, case):
+    """Friction and contact stiffness at which two damped modes merge, and next to it.
 
-    def found(mu):
-        sample = Sample(scene, "little", x, mu, k=k)
-        return sample, sample.modes(model)
+    Two real numbers make the complex (s_1 - s_2)^2 zero; the moduli are changed too. Errors are
+    covered, also where growing modes alone are asked for, which leave other zeros out.
+    """
+    scene = two_blocks("coarse")
+    model, k = offline(scene, case, changing=True), scattered(scene, 5, shut=0.0)
 
-    mu = max(np.linspace(1.0, 2.0, 21), key=lambda mu: found(mu)[1].condition.max())
-    for near in (mu, mu * (1 + 1e-6), mu * (1 + 1e-3)):
-        sample, modes = found(near)
-        assert modes.condition.max() > 5
-        sample.agrees(modes)
+    def solved(q, growing=False):
+        sample = Sample(scene, case, (0.4, 0.7), q[0], k=k * 10 ** q[1])
+        return sample, sample.modes(model, growing)
+
+    def most_alike(q):
+        modes = solved(q)[1]
+        i = int(np.argmax(modes.condition * (modes.s.imag > 1e-2 * HIGH)))
+        return -modes.condition[i], q, modes.s[i]
+
+    def square(q, about):
+        s = solved(q)[1].s
+        one, two = s[np.argsort(np.abs(s - about))[:2]]
+        found = ((one - two) / about) ** 2
+        return [1e3 * found.real, 1e3 * found.imag]
+
+    starts = sorted(map(most_alike, product(np.linspace(0.2, 2.6, 9), (-0.6, -0.2, 0.2, 0.6))))
+    roots = (root(square, q, (s,), options={"eps": 1e-5, "maxfev": 60}).x for _, q, s in starts)
+    q = next(q for q in roots if q[0] > 0 and solved(q)[1].condition.max() > 1e3)
+    for near in (1e-6, -1e-4, 1e-2):
+        sample, found = solved(q * (1 + near))
+        sample.agrees(found)
+        alone = solved(q * (1 + near), growing=True)[1]
+        grown, grows = (m.s.real > 1e-6 * np.abs(m.s) for m in (alone, found))
+        assert grown.sum() == grows.sum()
+        apart = np.abs(alone.s[grown, None] - found.s[grows])
+        allowed = alone.error[grown, None] + found.error[grows]
+        assert np.all(np.any(apart <= allowed, axis=1))
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """A user's own mesh: formats, groups, units, orientation, bodies that share nodes."""
 
+import sys
 from dataclasses import replace
 from itertools import pairwise
 
@@ -101,6 +102,40 @@ def test_degenerate_bricks_of_ansys_are_tetrahedra(order, tmp_path, meshes):
     assert (found.shape, found.order) == ("tetrahedron", order)
     assert volumes(found)["pad.lining"] == pytest.approx(VOLUME["pad.lining"], rel=1e-9)
     assert check_cells(found, MeshSettings()).distortion > 0.9
+
+
+def test_elements_of_ansys_without_middle_nodes(tmp_path, meshes):
+    """Nodes 0 of SOLID186: all of them make linear cells, one of them is refused by its number."""
+    mesh = meshes.boxes("hexahedra", 2)
+    file = tmp_path / "boxes.cdb"
+    meshes.write_ansys(mesh, file)
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join("        0" * 12 if len(line) == 108 else line for line in lines))
+    found = read(file)
+    assert found.order == 1
+    assert volumes(found)["pad.lining"] == pytest.approx(VOLUME["pad.lining"], rel=1e-9)
+    first = next(i for i, line in enumerate(lines) if len(line) == 108)
+    lines[first] = lines[first][:-9] + "        0"
+    file.write_text("\n".join(lines))
+    with pytest.raises(SceneError, match="element 1 lacks middle nodes; write all"):
+        read(file)
+
+
+def test_middle_nodes_in_whatever_order(tmp_path, meshes):
+    """Meshio gives those of Exodus in the file's order: upright edges before the upper ones."""
+    meshio = pytest.importorskip("meshio")
+    vtk, n = meshes.ABAQUS, np.random.default_rng(1)
+    exodus = [vtk[20][i] for i in (*range(12), 16, 17, 18, 19, 12, 13, 14, 15)]
+    for kind, order in (
+        ("hexahedron20", exodus), ("hexahedron27", [*range(8), *(8 + n.permutation(19))]),
+        ("tetra10", [*range(4), *(4 + n.permutation(6))]),
+    ):  # fmt: skip
+        mesh = meshes.boxes("tetrahedra" if kind == "tetra10" else "hexahedra", 2)
+        data = {"material": [mesh.cell_tag]}
+        file = tmp_path / "boxes.vtu"
+        meshio.Mesh(1e3 * mesh.points, [(kind, mesh.cells[:, order])], cell_data=data).write(file)
+        found = read(file, groups=dict(zip(("1", "2"), mesh.layers, strict=True)))
+        np.testing.assert_allclose(found.points[found.cells], mesh.points[mesh.cells], atol=1e-9)
 
 
 def test_med_by_name(tmp_path, meshes):
@@ -501,15 +536,22 @@ def test_mistakes_are_named(change, text, tmp_path, meshes):
     assert "\n" not in str(caught.value)
 
 
-def test_files_that_are_none(tmp_path):
-    """Noise, an unknown ending, wedges and an assembly of parts: a named error each."""
+FLAT = "*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n*ELEMENT,TYPE=C3D4\n7,1,2,3,3\n"
+
+
+def test_files_that_are_none(tmp_path, monkeypatch, capsys):
+    """Noise, an unknown ending, wedges, collapsed cells and no module: a named error each."""
+    monkeypatch.setitem(sys.modules, "netCDF4", None)
     for name, content, text in (
         ("a.msh", "no mesh", r"does not begin with \$MeshFormat"),
         ("a.stp", "x", "not known"),
+        ("a.exo", "x", "needs netCDF4: pip install netCDF4"),
+        ("a.mesh", "MeshVersionFormatted 2\nNone\n", r"by meshio \(Unknown keyword 'None'"),
         ("a.cdb", "/PREP7\nN,1,0,0,0\n", "no NBLOCK"),
         ("a.bdf", "nothing", "no tetrahedra"),
         ("a.inp", "nothing", "no tetrahedra"),
         ("b.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D4\n1,1,2,3,4\n", "node 2 .*not defined"),
+        ("l.inp", FLAT, r"element 7 has a corner twice \(1 such elements\)"),
         ("c.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D6\n1,1,1,1,1,1,1\n", "wedge"),
         ("d.inp", "*PART,NAME=a\n*NODE\n1,0,0,0\n", r"ends within \*PART,NAME=a"),
         ("e.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D4\n1,1,1", r"ends within \*ELEMENT.*amid"),
@@ -533,6 +575,7 @@ def test_files_that_are_none(tmp_path):
         file.write_text(content)
         with pytest.raises(SceneError, match=text):
             read(file)
+    assert not any(capsys.readouterr())
 
 
 def test_overlapping_groups_and_faces(tmp_path):

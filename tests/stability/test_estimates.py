@@ -94,3 +94,14 @@ def test_a_mode_that_grows_as_fast_as_it_turns_is_listed(two_blocks):
     assert abs(modes.s[near] - exact) <= modes.error[near] < 0.05 * abs(exact)
     assert modes.verdict[near] == "unstable"
     assert "1.3 times" in modes.count.how
+
+
+def test_second_order_where_the_matrix_is_singular():
+    """A zero of T just where T is inverted, beside another: an error beyond the band."""
+    from brake_fenicsx.stability.substructures.sample_problem import BESIDE, _second_order
+
+    T = np.stack([np.diag([-0.15, -0.15 - BESIDE]), np.eye(2)])
+    one = np.ones((2, 1), complex)
+    assert _second_order(T, np.array([0.15 + 0j]), BESIDE, one, one)[0] > 1.0
+    beside = _second_order(T, np.array([0.16 + 0j]), BESIDE, one, one)
+    assert beside[0] == pytest.approx(1 / 0.11 + 1 / 0.01)

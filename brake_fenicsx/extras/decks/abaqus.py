@@ -34,8 +34,6 @@ _KINDS = {
     4: "tetra", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15", 20: "hexahedron20",
     27: "hexahedron27",
 }  # fmt: skip
-# Places of the nodes of a C3D27 in the order of VTK: the body is its 21st, faces S1 to S6 follow.
-_VTK27 = (*range(20), 26, 24, 23, 25, 21, 22, 20)
 # Shells and membranes mark faces, or become solids; gmsh writes faces as elements of plane stress.
 _SKIN = re.compile(r"(?:S|M3D|CPS|SFM3D|STRI)([3468])[RSW5]*")
 # Elements without stiffness or mass in a deck of solids: they mark faces and edges at most.
@@ -334,8 +332,6 @@ def _elements(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     if any(len(row) != nodes + 1 for row in rows):
         raise SceneError(f"a row has not {nodes} nodes; is the file whole?")
     table = np.array(rows, dtype=np.int64).reshape(-1, nodes + 1)
-    if nodes == 27:
-        table[:, 1:] = table[:, 1:][:, _VTK27]
     cells = scope.solids if kind else scope.skins
     cells |= {number: (kind or name, own) for number, *own in table.tolist()}
     if "ELSET" in options:

@@ -91,7 +91,7 @@ def read_ansys(path: Path) -> FileMesh:
         elif command == "NBLOCK":
             _nodes(deck, lines)
         elif command == "EBLOCK":
-            _elements(deck, lines)
+            _elements(deck, words, lines)
         elif command == "CMBLOCK":
             _component(deck, words, lines)
         elif command not in _HARMLESS and _COMMAND.match(command):
@@ -151,19 +151,29 @@ def _nodes(deck: _AnsysDeck, lines: Iterator[str]) -> None:
             deck.angles[int(first)] = x[3:]
 
 
-def _elements(deck: _AnsysDeck, lines: Iterator[str]) -> None:
-    """Elements: eleven attributes, up to eight nodes, and the rest on the next line."""
+def _elements(deck: _AnsysDeck, words: list[str], lines: Iterator[str]) -> None:
+    """Elements: eleven attributes, up to eight nodes, and the rest on the next line.
+
+    Without SOLID in its command a block has number, type, three attributes and up to ten nodes;
+    Workbench writes elements of contact and of loads on faces so.
+    """
     (width, *_), _ = _widths(next(lines))
+    attributes = [word.upper() for word in words[2:3]] == ["SOLID"]
     for line in lines:
         row = [int(word) for word in _fields(line, width) if word]
         if not row or row[0] == -1:
             return
+        if not attributes:
+            if (routine := deck.types.get(row[1], 0)) in _SOLIDS or len(row) < 6:
+                raise SceneError("solids in an EBLOCK without SOLID; write the file with CDWRITE")
+            deck.others[_NAMES.get(routine, f"type {routine or row[1]}")] += 1
+            continue
         material, kind, count, number, nodes = row[0], row[1], row[8], row[10], row[11:]
         while len(nodes) < count:
             nodes += [int(word) for word in _fields(next(lines), width) if word]
         routine = deck.types.get(kind, 0)
         if routine in _SOLIDS:
-            deck.solids[number] = _solid(nodes[:count])
+            deck.solids[number] = _solid(number, nodes[:count])
             for name in (f"MAT{material}", f"TYPE{kind}"):
                 deck.elements.setdefault(name, []).append(number)
             deck.turned |= {row[4]} - {0}
@@ -171,8 +181,15 @@ def _elements(deck: _AnsysDeck, lines: Iterator[str]) -> None:
             deck.others[_NAMES.get(routine, f"type {routine or kind}")] += 1
 
 
-def _solid(nodes: list[int]) -> tuple[str, list[int]]:
-    """Kind and nodes of an element; bricks with equal corners are tetrahedra or worse."""
+def _solid(number: int, nodes: list[int]) -> tuple[str, list[int]]:
+    """Kind and nodes of an element; bricks with equal corners are tetrahedra or worse.
+
+    Middle nodes that are left out are 0: without any of them an element is a linear one.
+    """
+    corners = 4 if len(nodes) in (4, 10) else 8
+    nodes = nodes if any(nodes[corners:]) else nodes[:corners]
+    if 0 in nodes:
+        raise SceneError(f"element {number} lacks middle nodes; write all of them, or none")
     if len(nodes) in (4, 10):
         return ("tetra" if len(nodes) == 4 else "tetra10"), nodes
     kind = _BY_CORNERS.get(len(set(nodes[:8])), "cells of few corners")

@@ -25,8 +25,6 @@ _SOLIDS = {
     ("CPYRAM", 5): "pyramid", ("CPYRAM", 13): "pyramid13",
 }  # fmt: skip
 _ELEMENTS = {card for card, _ in _SOLIDS}
-# Places of the nodes of a CHEXA of 20 in the order of VTK: upper edges before the upright ones.
-_VTK = (*range(12), 16, 17, 18, 19, 12, 13, 14, 15)
 _POINTS = ("GRID", "GRDSET", "CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S")
 # Cards of which nothing is lost: methods and output of the analysis.
 HARMLESS = frozenset({"ENDDATA", "EIGRL", "EIGR", "EIGC", "EIGP", "TABDMP1", "FREQ", "FREQ1"})
@@ -61,7 +59,7 @@ def read_nastran(path: Path) -> FileMesh:
         if SHELL_NODES.get(own.type) == len(nodes):
             skins[number] = own.type, nodes
         elif kind:
-            solids[number] = kind, [nodes[i] for i in _VTK] if kind == "hexahedron20" else nodes
+            solids[number] = kind, nodes
         else:
             raise SceneError(
                 f"{own.type} {number} has {len(nodes)} nodes; write all middle nodes, or none"

@@ -41,6 +41,8 @@ STEPS = 8
 
 # Groups of zeros, each with a point beside it, at this distance in z, where T is inverted.
 GROUPS, BESIDE = 4, 0.1
+# Second order of zeros where T cannot be inverted there: an error beyond the band.
+UNKNOWN = 10.0
 
 # Coefficients for the first step of eta where forces follow rates.
 FIRST = 2
@@ -264,7 +266,10 @@ def _second_order(T: Array, z: Complex, beside: complex, rest: Complex, back: Co
     """Size of l' T^-1 r of the residuals r = T(z) a and l = T(z)' b of each zero.
 
     The quotient is of second order in the errors of its vectors. T is taken next to the zeros,
-    where it is regular in their directions as well.
+    where it is regular in their directions as well: what zeros within ``BESIDE`` of each other add
+    is too small here, and their products have it (``sample.corrected``, ``moved_by_others``), which
+    miss what lies far off. Neither covers the other: errors of random samples were 1.14 times the
+    stated ones without this estimate, and 31 times without those of the products.
 
     Args:
         T: coefficients of T(z), expanded.
@@ -277,8 +282,12 @@ def _second_order(T: Array, z: Complex, beside: complex, rest: Complex, back: Co
     for group in np.array_split(np.argsort(np.abs(z), kind="stable"), GROUPS):
         if group.size:
             near = np.tensordot((z[group].mean() + beside) ** np.arange(len(T)), T, 1)
-            x = np.linalg.solve(near, rest[:, group])
-            out[group] = np.abs(_paired(back[:, group], np.asarray(x, complex)))
+            try:
+                x = np.linalg.solve(near, rest[:, group])
+            except np.linalg.LinAlgError:  # another zero lies just there
+                out[group] = UNKNOWN
+            else:
+                out[group] = np.abs(_paired(back[:, group], np.asarray(x, complex)))
     return out
 
 

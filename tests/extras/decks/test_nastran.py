@@ -90,25 +90,22 @@ def test_the_same_body(form, tmp_path):
         assert "[springs]\n# not taken over: CELAS1,901,7,1,1,2,1 (sector.bdf:" in text
 
 
-@pytest.mark.parametrize("place", [0, 2])
-def test_middle_nodes_of_a_chexa(place, tmp_path):
-    """Nastran has the upright edges before the upper ones; the box stays one in its place."""
-    low = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0)]
-    corners = [(x * 20.0, y * 20.0, z) for z in (0.0, 40.0) for x, y, _ in low]
-    pairs = [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 5), (2, 6), (3, 7), (4, 5), (5, 6),
-             (6, 7), (7, 4)]  # fmt: skip
-    points = np.array(corners + [np.mean([corners[a], corners[b]], axis=0) for a, b in pairs])
-    card = "CHEXA,1,1,1,2,3,4,5,6\n,7,8,9,10,11,12,13,14\n,15,16,17,18,19,20\n"
-    mesh, *_ = drafted(tmp_path, grid(points) + card + MATERIAL)
+def test_middle_nodes_of_a_chexa(tmp_path):
+    """Nastran has the upright edges before the upper ones; a middle node less is refused."""
     from brake_fenicsx.meshing.rawmesh import EDGES
 
+    low = [(0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)]
+    corners = np.array([(*x, z) for z in (0.0, 40.0) for x in low])
+    pairs = [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 5), (2, 6), (3, 7), (4, 5), (5, 6),
+             (6, 7), (7, 4)]  # fmt: skip
+    points = np.vstack([corners, corners[np.array(pairs)].mean(axis=1)])
+    card = "CHEXA,1,1,1,2,3,4,5,6\n,7,8,9,10,11,12,13,14\n,15,16,17,18,19,20\n"
+    mesh, *_ = drafted(tmp_path, grid(points) + card + MATERIAL)
     x = mesh.points[mesh.cells[0]]
-    for k, (a, b) in enumerate(EDGES["hexahedron"]):
-        np.testing.assert_allclose(x[8 + k], 0.5 * (x[a] + x[b]), atol=1e-9)
-    if place:
-        lost = card.replace(",15,16,", ",15,,").replace(",20\n", "\n")
-        with pytest.raises(SceneError, match=r"CHEXA 1 has 1\d nodes; write all middle nodes"):
-            drafted(tmp_path, grid(points) + lost + MATERIAL)
+    edges = x[np.array(EDGES["hexahedron"])].mean(axis=1)
+    np.testing.assert_allclose(x[8:20], edges, atol=1e-9)
+    with pytest.raises(SceneError, match=r"CHEXA 1 has 19 nodes; write all middle nodes"):
+        drafted(tmp_path, grid(points) + card.replace(",20\n", "\n") + MATERIAL)
 
 
 def test_what_changes_the_brake_is_taken_or_said(tmp_path):
@@ -203,6 +200,17 @@ def test_types_and_formats_of_ansys(types, form, tmp_path):
     assert scene.materials["MAT1"].E == 125e9 and text.count("not taken over:") == 1
 
 
+def test_elements_of_workbench(tmp_path):
+    """EBLOCK without SOLID has another layout: counted by the type; solids in it are refused."""
+    more = "ET,3,154\neblock,10,,,1\n(15i9)\n       99{:9d}        3        3        0"
+    more += "        1        2        5        4\n-1\n" + ISOTROPIC
+    _, scene, text = drafted(tmp_path, archive(more=more.format(3)), "sector.cdb")
+    assert "4 CONTA173 elements" in text and "1 SURF154 element" in text
+    assert scene.materials["MAT1"].E == 125e9
+    with pytest.raises(SceneError, match="solids in an EBLOCK without SOLID"):
+        drafted(tmp_path, archive(more=more.format(1)), "solids.cdb")
+
+
 def test_an_unknown_type_is_no_solid(tmp_path):
     with pytest.raises(SceneError, match="no tetrahedra or hexahedra"):
         drafted(tmp_path, archive("ET,2,173"), "sector.cdb")
@@ -228,6 +236,7 @@ def test_orthotropic_constants_of_ansys(tmp_path):
     for more, said in (
         (ORTHOTROPIC.replace("GXZ ", "ALPX"), "no elastic constant or density"),
         (ISOTROPIC + "MP,EX,1,5.\n", "several values"),
+        (ISOTROPIC + "MP,GXY,1,5.\n", "; the file has EX, NUXY, DENS, GXY"),
         ("MP,DENS,1,7.2e-9\nMP,ALPX,1,1e-5\n", "no elastic constant or density"),
         (ORTHOTROPIC.replace("8000.0,", "8000.0, 9000.0,"), "several values"),
     ):

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import FACES
-from brake_fenicsx.meshing.filemesh import FileMesh, gmsh_order, listed, same_length
-from brake_fenicsx.meshing.rawmesh import CORNERS, facet_keys, permuted
+from brake_fenicsx.meshing.filemesh import FileMesh, listed, same_length
+from brake_fenicsx.meshing.rawmesh import CORNERS, MIDDLES, facet_keys, permuted
 from brake_fenicsx.meshing.swept import lifted
 
 from .shell_surface import (
@@ -140,7 +140,14 @@ def _deep(nodes: Ints, columns: dict[int, Ints], solid: set[int]) -> Ints:
 def write_abaqus(found: FileMesh, path: Path) -> None:
     """Write cells and groups as a flat .inp file, in the unit that they have."""
     shape, count = found.shape, found.cells.shape[1]
-    order, used = np.argsort(gmsh_order(shape, count)), np.unique(found.cells)
+    corners, used = CORNERS[shape], np.unique(found.cells)
+    # Middle nodes of Abaqus: lower, upper and upright edges, body, faces.
+    n = len(FACES[shape][0])
+    low = [(i, (i + 1) % n) for i in range(n)]
+    high = [(i + 4, j + 4) for i, j in low if n == 4]
+    upright = [(i, i + 4 if n == 4 else 3) for i in range(n)]
+    middles = (*low, *high, *upright, range(8), *FACES[shape])[: count - corners]
+    order = [*range(corners), *(MIDDLES[shape][frozenset(some)] for some in middles)]
     lines = ["** Written by brake-fenicsx init --shells solid", "*NODE"]
     rows = zip(listed(used), listed(found.points[used]), strict=True)
     lines += [f"{i + 1}, {x!r}, {y!r}, {z!r}" for i, (x, y, z) in rows]

@@ -218,7 +218,9 @@ class Draft:
             if "model" in own:
                 self._write("materials", {name: own})
             else:
-                self.lines["materials"].append(f"# missing: {dotted(name)} = {_MISSING}")
+                there = ", ".join(label for label in self.deck.constants.get(name, {}) if label)
+                more = f"; the file has {there}" if there else ""
+                self.lines["materials"].append(f"# missing: {dotted(name)} = {_MISSING}{more}")
 
     def _contact(self, own: dict[str, Any], tied: set[str]) -> None:
         """Contact with the moving part second, and what follows from it."""
