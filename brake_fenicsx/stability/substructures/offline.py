@@ -308,10 +308,9 @@ def higher(
     lacking, orders = shortfall(model, contact, tolerance), model.orders
     if lacking is None:
         return None
-    worst = int(lacking.each.argmax())
-    if before is not None and orders[worst] > before[0][worst]:
-        if not lacking.each[worst] * STAGNANT < before[1][worst]:
-            return None
+    worst, (were, made) = int(lacking.each.argmax()), before or (orders, lacking.each)
+    if orders[worst] > were[worst] and not lacking.each[worst] * STAGNANT < made[worst]:
+        return None
     # A parameter of a tenth of the error needs so many degrees less.
     share = lacking.usual / tolerance * lacking.each / lacking.each.max()
     wanted = np.ceil(np.log(np.maximum(share, 1.0)) / log(LEAST_GAIN)).astype(int)
