@@ -20,7 +20,7 @@ HEIGHTS = 1e-6 * np.random.default_rng(0).standard_normal((12, 9))
 SIZE = (1.2e-3, 0.9e-3)
 
 SCANS = os.environ.get("BRAKE_FENICSX_SCANS")
-needs_scans = pytest.mark.skipif(SCANS is None, reason="BRAKE_FENICSX_SCANS is not set")
+needs_scans = pytest.mark.skipif(not SCANS, reason="BRAKE_FENICSX_SCANS is not set")
 
 
 def test_npz_in_metres(tmp_path):
