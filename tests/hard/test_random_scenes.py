@@ -21,7 +21,6 @@ def check(seed, **stability):
     return found
 
 
-@pytest.mark.long
 @pytest.mark.hard
 @pytest.mark.parametrize("seed", FAST)
 def test_four_random_scenes(seed):
