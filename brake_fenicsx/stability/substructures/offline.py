@@ -308,8 +308,9 @@ def higher(
     lacking, orders = shortfall(model, contact, tolerance), model.orders
     if lacking is None:
         return None
-    worst, (were, made) = int(lacking.each.argmax()), before or (orders, lacking.each)
-    if orders[worst] > were[worst] and not lacking.each[worst] * STAGNANT < made[worst]:
+    worst = int(lacking.each.argmax())
+    lower, errors = before or (orders, lacking.each)
+    if orders[worst] > lower[worst] and not lacking.each[worst] * STAGNANT < errors[worst]:
         return None
     # A parameter of a tenth of the error needs so many degrees less.
     share = lacking.usual / tolerance * lacking.each / lacking.each.max()

@@ -41,7 +41,7 @@ STEPS = 8
 
 # Groups of zeros, each with a point beside it, at this distance in z, where T is inverted.
 GROUPS, BESIDE = 4, 0.1
-# Second order of zeros where T cannot be inverted there: an error beyond the band.
+# Stated of a group of zeros beside which T is singular: an error beyond the band.
 UNKNOWN = 10.0
 
 # Coefficients for the first step of eta where forces follow rates.
