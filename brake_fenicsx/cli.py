@@ -84,8 +84,8 @@ def _main(words: list[str]) -> int:
     except BaseException as error:
         # One process that dies alone would leave the others waiting for ever.
         alone = comm is None or comm.size == 1
-        if isinstance(error, OSError) and error.strerror:
-            status = _end(comm if alone else None, verbose, _system_error(error), 1)
+        if said := _of_the_system(error):
+            status = _end(comm if alone else None, verbose, said, 1)
             return status if alone else comm.Abort(status)
         if not alone and not isinstance(error, SystemExit):
             traceback.print_exc()
@@ -94,11 +94,21 @@ def _main(words: list[str]) -> int:
     return 0
 
 
-def _system_error(error: OSError) -> str:
-    """What the system refuses, and of which file."""
-    if not error.filename:
-        _discard_output()
-    return f"{error.filename or 'the output'}: {error.strerror}"
+def _of_the_system(error: BaseException) -> str | None:
+    """What the system refuses, and of which file; or which compiled module a full disc cut off."""
+    if isinstance(error, OSError) and error.strerror:
+        if not error.filename:
+            _discard_output()
+        return f"{error.filename or 'the output'}: {error.strerror}"
+    # Python up to 3.13 writes compiled modules without looking at how much was written.
+    innermost = [frame for frame, _ in traceback.walk_tb(error.__traceback__)][-1]
+    if not isinstance(error, EOFError) or "bytecode_path" not in innermost.f_locals:
+        return None
+    places = " and ".join(dict.fromkeys([sys.prefix, os.path.dirname(__file__)]))
+    return (
+        f"{innermost.f_locals['bytecode_path']}: cut off, as a full disc leaves compiled modules; "
+        f"delete every folder __pycache__ below {places}"
+    )
 
 
 def _discard_output() -> None:
