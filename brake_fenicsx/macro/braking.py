@@ -9,8 +9,9 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from brake_fenicsx.arguments import Array, Index
 from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.micro.combined import OneLaw, join_laws
 from brake_fenicsx.micro.law import Law, Laws
@@ -19,9 +20,6 @@ from .condensation import Compliance, compliance
 from .equilibrium import Equilibrium, displacement, raised_friction
 from .equilibrium import equilibrium as solve
 from .gap import EnrichedGap
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 def equilibrium(

@@ -20,15 +20,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from brake_fenicsx.arguments import Array, Index
 
 if TYPE_CHECKING:
     from brake_fenicsx.micro.law import Laws
     from brake_fenicsx.surface.hdf import HeightDistribution
     from brake_fenicsx.surface.waviness import Waviness
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)

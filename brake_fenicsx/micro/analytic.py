@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from brake_fenicsx.arguments import positive
-from brake_fenicsx.micro.law import Array
+from brake_fenicsx.arguments import Array, positive
 
 
 @dataclass(frozen=True, slots=True)

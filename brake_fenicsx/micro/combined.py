@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from brake_fenicsx.micro.law import Array, Index, Law, Laws, same_shape, smooth_vibration
+from brake_fenicsx.arguments import Array, Index
+from brake_fenicsx.micro.law import Law, Laws, same_shape, smooth_vibration
 
 
 @dataclass(frozen=True, slots=True)

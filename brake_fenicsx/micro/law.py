@@ -13,14 +13,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from brake_fenicsx.arguments import positive, quantity
+from brake_fenicsx.arguments import Array, Index, Ints, positive, quantity
 from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SceneError
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 DIFFERENCE = 1e-10  # half a step of central differences over the separation [m]
 
 
@@ -119,7 +117,7 @@ class LawLibrary:
     p: Array
     k: Array
     count: Index
-    seed: NDArray[np.int64]
+    seed: Ints
     settings: dict[str, Any] = field(default_factory=dict)
     v: Array | None = None
     slope: Array | None = None

@@ -15,10 +15,10 @@ from typing import Literal
 
 import numpy as np
 
-from brake_fenicsx.arguments import number, one_of, positive, real
+from brake_fenicsx.arguments import Array, number, one_of, positive, real
 from brake_fenicsx.errors import NotConverged, SceneError, SurfaceError
 from brake_fenicsx.micro.active import AllPixels, HighPixels, Pixels, active_set
-from brake_fenicsx.micro.halfspace import Array, Boundary, HalfSpace, half_space_of
+from brake_fenicsx.micro.halfspace import Boundary, HalfSpace, half_space_of
 from brake_fenicsx.micro.qp import ContactState, certify, projected_cg
 from brake_fenicsx.surface.iso25178 import gradients
 

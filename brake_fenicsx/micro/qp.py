@@ -19,8 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.micro.halfspace import Array, HalfSpace, Mask, add_to
+from brake_fenicsx.micro.halfspace import HalfSpace, add_to
 
 ROUND_OFF = 1e-12  # of sums over all pixels, relative to their largest parts
 RENEW = 0.1  # share of the free pixels that have changed when their answer is computed anew

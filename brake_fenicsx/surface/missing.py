@@ -12,10 +12,8 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from brake_fenicsx.arguments import Array, Mask
 
 
 def missing_points(file: Path, counts: Array) -> Mask:

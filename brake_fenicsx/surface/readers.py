@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from brake_fenicsx.arguments import number, one_of, real
+from brake_fenicsx.arguments import AnyArray, Array, number, one_of, real
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.folder.arrays import npz_names, read_hdf5, read_npz, reading
 from brake_fenicsx.surface.missing import missing_points
@@ -25,7 +24,6 @@ from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, HeightTable, read_npy
 from brake_fenicsx.surface.topography import Topography, make_topography
 from brake_fenicsx.surface.x3p import read_x3p
 
-Array = NDArray[np.float64]
 METRES = {
     "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "\u00b5m": 1e-6, "\u03bcm": 1e-6,
     "nm": 1e-9, "A": 1e-10, "\u00c5": 1e-10, "pm": 1e-12,
@@ -91,7 +89,7 @@ def read_topography(
     return make_topography(heights, lengths, source=str(file))
 
 
-def _check_coordinates(file: Path, spans: NDArray[Any], size: Any, shape: tuple[int, ...]) -> None:
+def _check_coordinates(file: Path, spans: AnyArray, size: Any, shape: tuple[int, ...]) -> None:
     """Refuse a size that no unit of the coordinates in a file explains."""
     ratio = real("size", size) / spans
     room = 0.01 + 1.0 / min(shape)  # a size may be that from the first to the last point
@@ -122,7 +120,7 @@ def _metres(unit: str | float, source: str) -> float:
     return METRES[unit]
 
 
-Read = tuple[NDArray[Any], Any]
+Read = tuple[AnyArray, Any]
 
 
 def _read_arrays(file: Path, unit: float | None) -> Read:
