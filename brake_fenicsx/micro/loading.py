@@ -237,10 +237,8 @@ def _by_active_set(
     p: Array = pressure.reshape(h.shape)
     every = isinstance(pixels, AllPixels)
     w = contact.gap.reshape(h.shape) if every else space.apply(p) - h + contact.d
-    c = certify(space, h, p, w, contact.d, total is not None, cap)
-    return ContactState(
-        p, w, contact.d, c.gap, c.penetration, c.complementarity, contact.iterations
-    )
+    certificate = certify(space, h, p, w, contact.d, total is not None, cap)
+    return ContactState(p, w, contact.d, *certificate, contact.iterations)
 
 
 def _gap_residual(h: Array, state: ContactState) -> float:
