@@ -122,17 +122,3 @@ def draw_waviness(
             _, _, axes = np.linalg.svd(own, full_matrices=False)
             heights[pad] = waviness.sample(own @ axes[:2].T, rng)
     return heights
-
-
-def separation_density(delta: Array, g: float, hdf: HeightDistribution) -> Array:
-    """Distribution of the shifted gap over the elements at a mean gap [1/m], Eq. (16).
-
-    Args:
-        delta: separations [m].
-        g: mean gap [m].
-        hdf: distribution of the critical gaps.
-
-    Returns:
-        Density of g - g_cr at ``delta``, same shape.
-    """
-    return hdf.pdf(g - delta)
