@@ -77,17 +77,6 @@ def test_hexahedra_of_a_disc_are_regular():
     assert quality(m).worst > 0.99
 
 
-@pytest.mark.parametrize("order, rate", [(1, 2), (2, 4)])
-def test_rates_of_a_curved_face(order, rate):
-    """Area of the cylinder: order 2 with straight sides, 4 with middle nodes on the surface."""
-    exact = 2 * np.pi * R * T
-    errors = [
-        abs(area(mesh("disc", "hexahedra", order, size=s), "rim") / exact - 1)
-        for s in (32e-3, 16e-3)
-    ]
-    assert np.log2(errors[0] / errors[1]) > rate - 0.3, errors
-
-
 def test_hat_bolts_and_vanes():
     """Volumes of ring, wall, flange less holes, and channels; faces to clamp are there."""
     d = disc.Disc(hat=40e-3, vanes=10, thickness=24e-3, size=9e-3)

@@ -173,25 +173,6 @@ def test_loads_contact_and_supports_balance(two_blocks, mu):
             assert motion @ (support + whole.f) == pytest.approx(0, abs=1e-8 * load * lever)
 
 
-def test_friction_tilts_the_block(two_blocks):
-    """Guided at its top, the block is pressed harder where the sliding plate comes in.
-
-    The tangential force on the pad acts along s below its guides: it turns the pad's leading edge,
-    that at -s, away from nothing and into the plate. Catches mu with the other sign.
-    """
-    scene = two_blocks("guided")
-    laws, ops = enriched("exponential", scene.w.size, scatter=0.0), operators(scene)
-    along = scene.contact.points @ scene.contact.s[0]
-    lever = [
-        scene.w @ (along * equilibrium(ops, laws, mu, tolerance=1e-12).p) for mu in (0.0, 0.3, 0.6)
-    ]
-    load = 5e5 * 12e-3 * 8e-3
-    assert abs(lever[0]) < 0.02 * abs(lever[2])
-    # Moment balance of the pad about the middle of its guided face, 6 mm above: the guides may
-    # turn the pad only through x and y forces in that face, which have no moment there.
-    np.testing.assert_allclose(lever[1:], [-0.3 * load * 6e-3, -0.6 * load * 6e-3], rtol=0.02)
-
-
 def test_no_mode_of_separation_is_taken_for_contact(two_blocks):
     """Laws act up to first touch and not beyond, and the critical gap shifts them by itself."""
     laws = EnrichedGap(OneLaw(linear_law(1e12)), np.zeros(3, int), np.array([0.0, 1e-6, -1e-6]))

@@ -73,15 +73,6 @@ def test_hexahedra_stretch_exactly(comm, order):
     assert mesh.shape == "hexahedron"
 
 
-def test_mass_of_hexahedra(comm):
-    """Nothing held: the mass of a unit translation is that of the body, for all three axes."""
-    table = MeshSettings(cells="hexahedra", order=2)
-    mesh = build_mesh({"disc": (disc, disc.Disc(size=20e-3))}, comm, table)
-    solved = assemble_elastic(mesh, {"disc.body": STEEL}, {})
-    mass = solved.M.sum() / 3
-    assert mass == pytest.approx(7800 * np.pi * (144e-3**2 - 75e-3**2) * 20e-3, rel=1e-4)
-
-
 @pytest.mark.together
 def test_mistakes_are_raised_on_all_processes(comm):
     """A part that cannot be built, and a mesh below the quality asked for."""

@@ -139,18 +139,6 @@ def test_scaling(seed, log_height, log_modulus, depth, shape):
     )
 
 
-@settings(max_examples=25, deadline=None)
-@given(st.integers(0, 10**6), st.floats(0.05, 3.0), st.floats(0.01, 1.0))
-def test_load_and_area_rise_with_approach(seed, depth, more):
-    h = np.random.default_rng(seed).standard_normal((12, 12))
-    far, near = (
-        solve_contact(h, (1.0, 1.0), 1.0, separation=h.max() - h.mean() - a, tol=1e-10)
-        for a in (depth, depth + more)
-    )
-    assert near.load > far.load > 0.0
-    assert near.area_fraction >= far.area_fraction
-
-
 @pytest.mark.parametrize(
     ("wrong", "named"),
     [
