@@ -228,7 +228,7 @@ def _names_and_pieces(
 
 def _unpressed(
     brake: Any, R: sp.csr_matrix, joints: Array, joined: Index, names: Names
-) -> list[str]:  # fmt: skip
+) -> list[str]:
     """Bodies that contact alone holds in some directions, and that the loads do not press on it.
 
     Forces P >= 0 of the contact elements, without friction, that balance the loads on the free

@@ -136,11 +136,7 @@ def _kind(found: FileMesh, group: str, target: str | list[str]) -> tuple[str, st
 
 
 def layers_of(
-    found: FileMesh,
-    points: Array,
-    cells: Ints,
-    groups: Mapping[str, str | list[str]],
-    kinds: dict,
+    found: FileMesh, points: Array, cells: Ints, groups: Mapping[str, str | list[str]], kinds: dict
 ) -> RawMesh:
     """Cells of the named groups only."""
     tag = np.zeros(len(cells), dtype=np.int64)
@@ -274,9 +270,13 @@ def _apart(mesh: RawMesh, faces: Faces, split: Mapping[str, str]) -> RawMesh:
         tags.append(np.full(len(own_facets), names[name]))
     _check_once(all_facets, tags, names)
     return replace(
-        mesh, points=points, cells=cells, facets=np.concatenate(all_facets),
-        facet_tag=np.concatenate(tags), faces=names,
-    )  # fmt: skip
+        mesh,
+        points=points,
+        cells=cells,
+        facets=np.concatenate(all_facets),
+        facet_tag=np.concatenate(tags),
+        faces=names,
+    )
 
 
 def _all_nodes(mesh: RawMesh, part: str, facets: Ints) -> Ints:

@@ -33,9 +33,7 @@ __all__ = [
     "solve_contact", "transversely_isotropic_modulus",
 ]  # fmt: skip
 # In the order of what they import: a name is looked for in the lightest module that has it.
-_MODULES = (
-    "combined", "law", "settings", "loading", "law_of_surface", "library", "hardness",
-)  # fmt: skip
+_MODULES = ("combined", "law", "settings", "loading", "law_of_surface", "library", "hardness")
 
 
 def __getattr__(name: str) -> Any:

@@ -95,9 +95,9 @@ def fit_hardness(
     p, closure, falling = p[kept], closure[kept], falling[kept]
     nodes = np.geomspace(0.999 * p.min(), p.max(), NODES)
     hardnesses = HARDNESSES[1.2 * p.max() < HARDNESSES]
-    table = np.array([
-        [_approach(recipe, seed, i, H, nodes) for H in hardnesses] for i in range(int(surfaces))
-    ])  # fmt: skip
+    table = np.array(
+        [[_approach(recipe, seed, i, H, nodes) for H in hardnesses] for i in range(int(surfaces))]
+    )
     branch = PchipInterpolator(np.log(nodes), table, axis=-1)(np.log(p))
     contact = np.where(falling, branch[:, :, 1], branch[:, :, 0])  # (surfaces, hardnesses, points)
     log_H = np.linspace(np.log(hardnesses[0]), np.log(hardnesses[-1]), 1001)

@@ -76,11 +76,12 @@ class Topography:
         """Size and heights as a table of a notebook."""
         h = 1e6 * self.heights[self.valid]
         rows: list[list[Any]] = [
-            ["points missing", int(np.sum(~self.valid))], ["S_q [um]", float(h.std())],
+            ["points missing", int(np.sum(~self.valid))],
+            ["S_q [um]", float(h.std())],
             ["lowest and highest [um]", f"{h.min():.4g} to {h.max():.4g}"],
             ["pixel [um]", "{:.4g} x {:.4g}".format(*(1e6 * self.pixel))],
             ["periodic", "yes" if self.periodic else "no"],
-        ]  # fmt: skip
+        ]
         return html_table(repr(self), ("", ""), rows)
 
     @property
@@ -100,10 +101,7 @@ class Topography:
 
 
 def make_topography(
-    heights: Array,
-    size: Array | tuple[float, float],
-    periodic: bool = False,
-    source: str = "array",
+    heights: Array, size: Array | tuple[float, float], periodic: bool = False, source: str = "array"
 ) -> Topography:
     """Check heights and size and put them together.
 

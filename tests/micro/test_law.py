@@ -193,9 +193,7 @@ def test_library_is_its_laws():
     for name, many in every.items():
         one = [getattr(laws[i], name)(x) for i, x in zip(index, d, strict=True)]
         np.testing.assert_array_equal(many, one)
-    np.testing.assert_array_equal(
-        laws.first_touch(index), [laws[i].first_touch for i in index]
-    )  # fmt: skip
+    np.testing.assert_array_equal(laws.first_touch(index), [laws[i].first_touch for i in index])
     assert len(laws) == len(list(laws)) == 4
     with pytest.raises(IndexError):
         laws[4]

@@ -17,9 +17,7 @@ SIZE = (2.825e-3, 2.825e-3)
 
 
 def rough(n=32, seed=0):
-    return synthesise(
-        PAPER.bifractal, PAPER.hdf, (n, n), SIZE, np.random.default_rng(seed)
-    ).heights  # fmt: skip
+    return synthesise(PAPER.bifractal, PAPER.hdf, (n, n), SIZE, np.random.default_rng(seed)).heights
 
 
 def brute_force(h, size, d):

@@ -65,7 +65,7 @@ def test_spectrum_in_the_measured_band_is_the_scans(kind):
             )
         )
         for seed in range(12)
-    ]  # fmt: skip
+    ]
     q, C = found[0].q, np.mean([f.C for f in found], axis=0)
     inside = (q > stats.psd.band[0]) & (q < 0.9 * found[0].band[1])
     own = np.interp(np.log(q[inside]), np.log(stats.psd.q), np.log(stats.psd.C))
