@@ -326,7 +326,7 @@ def separations_at(laws: Laws, index: Index, pressure: float) -> Array:
         middle = 0.5 * (low + high)
         enough = laws.loading(index, middle)[0] >= pressure
         low, high = np.where(enough, middle, low), np.where(enough, high, middle)
-    return low
+    return np.asarray(low, float)
 
 
 def make_library(
