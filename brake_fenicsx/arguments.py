@@ -16,6 +16,7 @@ from brake_fenicsx.errors import SceneError, SurfaceError
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Index = NDArray[np.intp]
+Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 AnyArray = NDArray[Any]
 F = TypeVar("F")

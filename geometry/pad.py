@@ -224,22 +224,15 @@ def sweep(occ: Any, pad: Pad) -> Swept:
     press = tuple(name for name in body if "piston" in name)
     slabs, z = [], pad.z
     for name, h in layers(pad):
+        whole = (*body, "ears") if name == "plate" and "ears" in regions else body
+        pieces = [(h, whole)]
         if name == "lining" and len(open_slot) < len(body):
             depth = pad.lining if pad.slot_depth is None else pad.slot_depth
-            n = element_count(depth, pad.size)
-            slabs.append(Slab(name, z, z + depth, n, open_slot))
-            if depth < h:
-                n = element_count(h - depth, pad.size)
-                slabs.append(Slab(name, z + depth, z + h, n, body))
-        else:
-            size = _size(pad, name)
-            slabs.append(
-                Slab(
-                    name, z, z + h, element_count(h, size), body + (("ears",) if name == "plate"
-                    and "ears" in regions else ()),
-                )
-            )  # fmt: skip
-        z += h
+            pieces = [(depth, open_slot), (h - depth, body)][: 1 + (depth < h)]
+        for height, own in pieces:
+            n = element_count(height, _size(pad, name))
+            slabs.append(Slab(name, z, z + height, n, own))
+            z += height
     plate = next(i for i, slab in enumerate(slabs) if slab.layer == "plate")
     faces: dict[str, tuple[SweptFace, ...]] = {"friction": (SweptFace(0, "low", slabs[0].regions),)}
     if tips:

@@ -22,7 +22,7 @@ from brake_fenicsx.extras.measured.peaks import read_peaks
 from brake_fenicsx.meshing.meshfile import read_mesh_file
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.surface import read_topography
-from brake_fenicsx.surface.releases import FORMATS
+from brake_fenicsx.surface.instruments import FORMATS
 
 ROOT = Path(__file__).parents[1]
 FILES, OUT = ROOT / "tests" / "files", ROOT / "docs" / "supported_files.md"

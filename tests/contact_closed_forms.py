@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from brake_fenicsx.micro.halfspace import Array
+from brake_fenicsx.arguments import Array
 
 # Force of a rigid square flat punch, F / (E* L delta), in the limit of a fine grid.
 SQUARE_PUNCH = 1.1523

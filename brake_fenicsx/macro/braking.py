@@ -9,19 +9,17 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from brake_fenicsx.arguments import Array, Index
 from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.micro.combined import OneLaw, join_laws
-from brake_fenicsx.micro.law import Law, Laws
+from brake_fenicsx.micro.law import Law, Laws, separations_at
 
 from .condensation import Compliance, compliance
 from .equilibrium import Equilibrium, displacement, raised_friction
 from .equilibrium import equilibrium as solve
 from .gap import EnrichedGap
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 def equilibrium(
@@ -96,18 +94,8 @@ def reference_stiffness(laws: EnrichedGap, pressure: float) -> float:
         laws: laws of the contact elements.
         pressure: mean contact pressure [Pa].
     """
-    high = laws.laws.first_touch(laws.index)
-    high = np.where(np.isfinite(high), high, 0.0)
-    width = np.full(high.shape, 1e-9)
-    # Laws fall monotonically: widen until all carry the pressure, then halve.
-    while np.any(short := laws.laws.loading(laws.index, high - width)[0] < pressure):
-        width = np.where(short, 2 * width, width)
-    low = high - width
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        enough = laws.laws.loading(laws.index, middle)[0] >= pressure
-        low, high = np.where(enough, middle, low), np.where(enough, high, middle)
-    return float(np.median(laws.laws.vibration(laws.index, low)[0]))
+    d = separations_at(laws.laws, laws.index, pressure)
+    return float(np.median(laws.laws.vibration(laws.index, d)[0]))
 
 
 def _library(laws: Law | Laws | Sequence[Law], index: Index | None, n: int) -> tuple[Laws, Index]:

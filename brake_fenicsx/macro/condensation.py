@@ -14,13 +14,11 @@ from mpi4py import MPI
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 
 from .solver import Factor, blocks, with_interface
-
-Array = NDArray[np.float64]
 
 
 class Solves(Protocol):

@@ -22,8 +22,8 @@ from mpi4py import MPI
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Ints, Mask
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.brake_mesh import Mesh
 
@@ -32,9 +32,6 @@ from .faces import gather_face
 from .integrals import Integrals, facet_integrals, node_integrals
 from .projection import directions_across
 from .sliding_friction import Motion, slip_frame
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +61,7 @@ class Contact:
     normal: Array
     s: Array
     speed: Array
-    interface: NDArray[np.int64]
+    interface: Ints
     uncovered: float
 
     def gap(self, u: Array) -> Array:
@@ -120,7 +117,7 @@ def join(contacts: Sequence[Contact]) -> Contact:
     return Contact(**parts, uncovered=sum(c.uncovered for c in contacts))
 
 
-def restricted(contact: Contact, kept: NDArray[np.bool_]) -> Contact:
+def restricted(contact: Contact, kept: Mask) -> Contact:
     """Some elements of an interface; the others count as uncovered.
 
     Args:
@@ -154,7 +151,7 @@ def _elements(parts: Integrals, dofs: int, motion: Motion | None) -> Contact:
     )  # fmt: skip
 
 
-def _operator(size: tuple[int, int], row: Index, columns: Index, values: Array) -> sp.csr_matrix:
+def _operator(size: tuple[int, int], row: Ints, columns: Ints, values: Array) -> sp.csr_matrix:
     """Sum of values at (row, column); held columns (-1) are left out."""
     held = columns < 0
     rows = np.repeat(row, columns.shape[1]).reshape(columns.shape)

@@ -24,6 +24,7 @@ from dolfinx.fem import petsc as fem_petsc
 from numpy.typing import NDArray
 
 from brake_fenicsx import compat
+from brake_fenicsx.arguments import AnyArray, Ints
 from brake_fenicsx.errors import OfOneProcess, SceneError
 from brake_fenicsx.meshing.brake_mesh import Mesh
 
@@ -79,10 +80,10 @@ class FaceAddition:
     """
 
     face: str
-    stiffness: NDArray[Any]
+    stiffness: AnyArray
     mass: float
-    bedding: NDArray[Any] = field(default_factory=lambda: np.zeros((3, 3)))
-    damping: NDArray[Any] = field(default_factory=lambda: np.zeros((3, 3)))
+    bedding: AnyArray = field(default_factory=lambda: np.zeros((3, 3)))
+    damping: AnyArray = field(default_factory=lambda: np.zeros((3, 3)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,11 +102,11 @@ class FreeDofs(OfOneProcess):
 
     V: Any
     local: NDArray[np.int32]
-    column: NDArray[np.int64]
+    column: Ints
     size: int
-    places: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 5)))
+    places: AnyArray = field(default_factory=lambda: np.zeros((0, 5)))
 
-    def expand(self, x: NDArray[Any]) -> NDArray[Any]:
+    def expand(self, x: AnyArray) -> AnyArray:
         """Values on all dofs of the mesh, zero where held.
 
         Args:
@@ -321,7 +322,7 @@ def on_free_dofs(A: PETSc.Mat, free: FreeDofs) -> sp.csr_matrix:
 
 
 def affine_parts(
-    mesh: Mesh, free: FreeDofs, directions: Sequence[Mapping[str, NDArray[Any]]]
+    mesh: Mesh, free: FreeDofs, directions: Sequence[Mapping[str, AnyArray]]
 ) -> list[sp.csr_matrix]:
     """Stiffness of unit changes of the materials: K is linear in every C_ij.
 
@@ -351,8 +352,8 @@ def affine_parts(
 
 
 def stiffness_action(
-    mesh: Mesh, free: FreeDofs, materials: Mapping[str, Material], displacement: NDArray[Any]
-) -> NDArray[Any]:
+    mesh: Mesh, free: FreeDofs, materials: Mapping[str, Material], displacement: AnyArray
+) -> AnyArray:
     """Nodal forces [N] of a displacement on all dofs of the mesh, held ones included.
 
     Args:
@@ -373,7 +374,7 @@ def stiffness_action(
     return total
 
 
-def unit_loads(mesh: Mesh, free: FreeDofs, face: str) -> NDArray[Any]:
+def unit_loads(mesh: Mesh, free: FreeDofs, face: str) -> AnyArray:
     """Loads [N/Pa] of a pressure of 1 Pa on a face, on the free dofs."""
     ds = _face(mesh, face, "loads")
     v, n = ufl.TestFunction(free.V), ufl.FacetNormal(mesh.domain)

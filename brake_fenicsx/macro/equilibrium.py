@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.iteration import Steps, sizes
 
@@ -24,9 +24,6 @@ from .condensation import Compliance
 from .gap import EnrichedGap
 from .newton import Newton, State
 from .sliding_friction import patch_forces, sliding
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 # First and smallest step of the friction coefficient along which an equilibrium is followed, as a
 # share of it; growth of a step after one that succeeded.

@@ -17,16 +17,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import NotConverged
 
 from .condensation import Compliance
 from .equilibrium import Condensed, Equilibrium, displacement, equilibrium
 from .gap import EnrichedGap
 from .sliding_friction import patch_forces, sliding
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,17 +17,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brake_fenicsx import compat
+from brake_fenicsx.arguments import Array, Index, Ints, Mask
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.meshing.rawmesh import body_of_points
 
 from .elasticity import FreeDofs, face_tag
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,9 +131,9 @@ class Face:
     nodes: Array
     normal: Array
     turn: Array
-    columns: Index
-    number: Index
-    straight: NDArray[np.bool_]
+    columns: Ints
+    number: Ints
+    straight: Mask
 
     @property
     def corners(self) -> Array:
@@ -154,7 +151,7 @@ class Face:
         away = self.nodes - self.centre[:, None]
         return np.asarray(np.linalg.norm(away, axis=2).max(axis=1))
 
-    def surface(self, facet: Index, x: Array) -> tuple[Array, Array, Array]:
+    def surface(self, facet: Ints, x: Array) -> tuple[Array, Array, Array]:
         """Positions, outward unit normals and area ratios at reference points of some facets.
 
         Args:
@@ -215,7 +212,7 @@ def gather_face(mesh: Mesh, free: FreeDofs, face: str) -> Face:
     return Face(element, x, normal, turn, columns, number, straight)
 
 
-def body_of_nodes(V: Any) -> NDArray[np.intp]:
+def body_of_nodes(V: Any) -> Index:
     """Number of the body of each node, by the cells alone: joints join no bodies here.
 
     Args:
@@ -236,7 +233,7 @@ def faces_of_bodies(free: FreeDofs, face: Face) -> list[Face]:
     ]
 
 
-def _cyclic(key: Index) -> Index:
+def _cyclic(key: Ints) -> Ints:
     """Cyclic order that starts at the smallest number and goes on to its smaller neighbour."""
     corners = key.shape[1]
     first = np.argmin(key, axis=1)[:, None]
@@ -246,18 +243,18 @@ def _cyclic(key: Index) -> Index:
     return np.where(following[:, :1] < following[:, 1:], onward, back)
 
 
-def _match(element: FacetElement, corners: Array, x: Array) -> Index:
+def _match(element: FacetElement, corners: Array, x: Array) -> Ints:
     """Which of the given nodes stands at each place of the reference facet."""
     linear = FacetElement(element.corners, 1)
     expected = np.einsum("na,fac->fnc", linear.shape(element.nodes), corners)
     distance = np.linalg.norm(expected[:, :, None] - x[:, None], axis=3)
-    place: Index = np.asarray(distance.argmin(axis=2))
+    place: Ints = np.asarray(distance.argmin(axis=2))
     if np.any(np.sort(place, axis=1) != np.arange(len(element.nodes))):
         raise InaccurateResult("contact: a facet is too distorted to tell its nodes apart; refine")
     return place
 
 
-def _straight(bent: Array, corners: Array, normal: Array) -> NDArray[np.bool_]:
+def _straight(bent: Array, corners: Array, normal: Array) -> Mask:
     """Whether facets are plane with straight edges, to 1e-9 of their size."""
     size = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
     height = np.einsum("fac,fc->fa", corners - corners[:, :1], normal)
@@ -265,9 +262,7 @@ def _straight(bent: Array, corners: Array, normal: Array) -> NDArray[np.bool_]:
     return np.asarray(away < 1e-9 * size)
 
 
-def _facets(
-    mesh: Mesh, free: FreeDofs, tag: int
-) -> tuple[Index, Array, Array, Array, Index, Index]:
+def _facets(mesh: Mesh, free: FreeDofs, tag: int) -> tuple[Ints, Array, Array, Array, Ints, Ints]:
     """Facets of a tag.
 
     Returns:

@@ -23,19 +23,17 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.optimize import nnls
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from brake_fenicsx import compat
+from brake_fenicsx.arguments import Array, Index
 
 from .elasticity import FreeDofs
 from .faces import body_of_nodes
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 # Names of the parts of each body.
 Names = list[tuple[str, ...]]
 # Parts that move, and how -> how many times.
@@ -230,7 +228,7 @@ def _names_and_pieces(
 
 def _unpressed(
     brake: Any, R: sp.csr_matrix, joints: Array, joined: Index, names: Names
-) -> list[str]:  # fmt: skip
+) -> list[str]:
     """Bodies that contact alone holds in some directions, and that the loads do not press on it.
 
     Forces P >= 0 of the contact elements, without friction, that balance the loads on the free

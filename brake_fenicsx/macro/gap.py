@@ -20,15 +20,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from brake_fenicsx.arguments import Array, Index
 
 if TYPE_CHECKING:
     from brake_fenicsx.micro.law import Laws
     from brake_fenicsx.surface.hdf import HeightDistribution
     from brake_fenicsx.surface.waviness import Waviness
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,17 +122,3 @@ def draw_waviness(
             _, _, axes = np.linalg.svd(own, full_matrices=False)
             heights[pad] = waviness.sample(own @ axes[:2].T, rng)
     return heights
-
-
-def separation_density(delta: Array, g: float, hdf: HeightDistribution) -> Array:
-    """Distribution of the shifted gap over the elements at a mean gap [1/m], Eq. (16).
-
-    Args:
-        delta: separations [m].
-        g: mean gap [m].
-        hdf: distribution of the critical gaps.
-
-    Returns:
-        Density of g - g_cr at ``delta``, same shape.
-    """
-    return hdf.pdf(g - delta)

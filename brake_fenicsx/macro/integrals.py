@@ -11,16 +11,14 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.special import roots_sh_legendre
+
+from brake_fenicsx.arguments import Array, Ints, Mask
 
 from .faces import Face
 from .overlap import Overlap, facing_pairs, overlap, rule
 from .projection import EDGE, search
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 # Gauss points of the pressure on a facet.
 GAUSS = {
@@ -47,7 +45,7 @@ class Integrals:
     g0: Array
     points: Array
     normal: Array
-    sides: list[tuple[Index, Index, Array, Array]]
+    sides: list[tuple[Ints, Ints, Array, Array]]
     uncovered: float
 
 
@@ -126,7 +124,7 @@ def node_integrals(pad: Face, disc: Face, reach: float | None) -> Integrals:
     met, where, gap, miss = search(disc, x, normal, point[facing], candidate[facing])
     kept = np.flatnonzero((met >= 0) & (miss <= 100 * EDGE))
     n = -normal[kept]
-    sides: list[tuple[Index, Index, Array, Array]] = []
+    sides: list[tuple[Ints, Ints, Array, Array]] = []
     for face, f, at in (
         (pad, facet[kept], pad.element.nodes[local[kept]]),
         (disc, met[kept], where[kept]),
@@ -137,7 +135,7 @@ def node_integrals(pad: Face, disc: Face, reach: float | None) -> Integrals:
     return Integrals(share[kept], gap[kept], x[kept], n, sides, uncovered)
 
 
-def _tributaries(pad: Face) -> tuple[Index, Index, Array, Array]:
+def _tributaries(pad: Face) -> tuple[Ints, Ints, Array, Array]:
     """Every node once: a facet that holds it, its place there, its area [m^2], mean normal."""
     places = pad.element.nodes
     _, n, _ = pad.everywhere(places)
@@ -181,14 +179,14 @@ class _Tests:
 
     pad: Face
     linear: bool
-    whole: NDArray[np.bool_]
+    whole: Mask
 
     @property
     def functions(self) -> int:
         """Elements per facet."""
         return self.pad.element.corners if self.linear else 1
 
-    def __call__(self, facet: Index, x: Array) -> Array:
+    def __call__(self, facet: Ints, x: Array) -> Array:
         """Values at reference points x, shape (pairs, points, functions)."""
         if not self.linear:
             return np.ones((*x.shape[:2], 1))

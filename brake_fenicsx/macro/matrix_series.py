@@ -15,11 +15,10 @@ from itertools import product
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy import special
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from brake_fenicsx.arguments import Array, Index
+
 # Number of a function of some variables, one of each.
 Power = tuple[int, ...]
 

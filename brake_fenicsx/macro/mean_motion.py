@@ -13,15 +13,14 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 
 from .faces import Face
 from .integrals import facet_rule
 from .tie import cross_matrix
 
-Array = NDArray[np.float64]
 # Nodes at most: all of them are coupled with each other.
 MOST_NODES = 4000
 

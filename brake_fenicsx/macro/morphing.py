@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.meshing.brake_mesh import Mesh, check_cells
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
@@ -31,8 +31,6 @@ from brake_fenicsx.meshing.rawmesh import RawMesh, body_of_points, facet_nodes
 
 from .matrix_series import DEGREES, Power, matrix_series, products
 from .stretching import Assembly
-
-Array = NDArray[np.float64]
 
 # Faces move evenly if their nodes do to this share of the largest movement.
 EVEN = 1e-6

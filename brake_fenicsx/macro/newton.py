@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import NotConverged, Separated
 
 from .gap import EnrichedGap
 
-Array = NDArray[np.float64]
 State = tuple[Array, Array]
 
 # Springs that hold open elements far from equilibrium, over the stiffness of the interface.

@@ -13,16 +13,13 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from brake_fenicsx import compat
+from brake_fenicsx.arguments import Array, Index, Ints
 
 from .faces import Face
 from .projection import EDGE, project, search
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 # A triangle cut by three half planes has six corners at most. Where corners coincide to rounding,
 # edges may seem to cross a line more than twice: three cuts then make 4, 6 and 9 corners at most.
@@ -31,7 +28,7 @@ CORNERS = 9
 MIDDLES = (np.array([[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]), np.full(3, 1 / 6))
 
 
-def clip_triangles(subject: Array, window: Array) -> tuple[Array, NDArray[np.int64]]:
+def clip_triangles(subject: Array, window: Array) -> tuple[Array, Ints]:
     """Intersection polygon of each pair of triangles.
 
     Args:
@@ -45,7 +42,7 @@ def clip_triangles(subject: Array, window: Array) -> tuple[Array, NDArray[np.int
     pairs = len(subject)
     polygon: Array = np.zeros((pairs, CORNERS, 2))
     polygon[:, :3] = subject
-    count: NDArray[np.int64] = np.full(pairs, 3)
+    count: Ints = np.full(pairs, 3)
     turn = np.sign(_cross(window[:, 1] - window[:, 0], window[:, 2] - window[:, 0]))
     for i in range(3):
         start, end = window[:, i], window[:, (i + 1) % 3]
@@ -53,7 +50,7 @@ def clip_triangles(subject: Array, window: Array) -> tuple[Array, NDArray[np.int
     return polygon, count
 
 
-def polygon_triangles(polygon: Array, count: NDArray[np.int64]) -> tuple[Array, NDArray[np.intp]]:
+def polygon_triangles(polygon: Array, count: Ints) -> tuple[Array, Index]:
     """Convex polygons cut into triangles about their first corner.
 
     Args:
@@ -107,9 +104,7 @@ def _cross(a: Array, b: Array) -> Array:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-def _cut(
-    polygon: Array, count: NDArray[np.int64], start: Array, along: NDArray
-) -> tuple[Array, NDArray[np.int64]]:
+def _cut(polygon: Array, count: Ints, start: Array, along: Array) -> tuple[Array, Ints]:
     """Keep what lies left of one line per pair."""
     pairs, slots = len(polygon), polygon.shape[1]
     index = np.arange(slots)
@@ -169,8 +164,8 @@ class Overlap:
         gap: distances [m], positive where open, shape (pairs, points).
     """
 
-    pad: Index
-    disc: Index
+    pad: Ints
+    disc: Ints
     on_pad: Array
     on_disc: Array
     weight: Array
@@ -178,12 +173,12 @@ class Overlap:
     n: Array
     gap: Array
 
-    def rows(self, chosen: Index) -> Overlap:
+    def rows(self, chosen: Ints) -> Overlap:
         """Some of the pairs."""
         return Overlap(*(getattr(self, f.name)[chosen] for f in fields(self)))
 
 
-def facing_pairs(pad: Face, disc: Face, reach: float | None) -> Index:
+def facing_pairs(pad: Face, disc: Face, reach: float | None) -> Ints:
     """Facet pairs that may overlap: close, and with opposite outward normals; shape (pairs, 2).
 
     Args:
@@ -230,7 +225,7 @@ def _parallelograms(face: Face) -> bool:
 
 
 def overlap(
-    pad: Face, disc: Face, pairs: Index, points: tuple[Array, Array]
+    pad: Face, disc: Face, pairs: Ints, points: tuple[Array, Array]
 ) -> tuple[Overlap, Overlap]:
     """Quadrature points on the common part of pairs of facets.
 
@@ -259,7 +254,7 @@ def overlap(
 def _clipped(
     pad: Face,
     disc: Face,
-    pairs: Index,
+    pairs: Ints,
     seen: tuple[Array, Array],
     one: tuple[int, int, int],
     two: tuple[int, int, int],
@@ -291,18 +286,18 @@ def _clipped(
 class _Plane:
     """The planes through the corners of some facets."""
 
-    def __init__(self, face: Face, facet: Index):
+    def __init__(self, face: Face, facet: Ints):
         first = face.corners[:, 1] - face.corners[:, 0]
         first /= np.linalg.norm(first, axis=1)[:, None]
         self.axes = np.stack([first, np.cross(face.normal, first)], axis=2)[facet]
         self.origin = face.corners[facet, :1]
 
-    def flat(self, face: Face, facet: Index) -> Array:
+    def flat(self, face: Face, facet: Ints) -> Array:
         """Corners of other facets seen along the normal, shape (rows, corners, 2)."""
         return np.asarray((face.corners[facet] - self.origin) @ self.axes)
 
 
-def _local(flat: Array, corners: Array, face: Face, facet: Index, chosen: tuple[int, ...]) -> Array:
+def _local(flat: Array, corners: Array, face: Face, facet: Ints, chosen: tuple[int, ...]) -> Array:
     """Reference points: exact on plane facets, by the chord triangle on curved ones."""
     three = list(chosen)
     by_chord = np.asarray(barycentric(flat, corners[:, three]) @ face.element.nodes[three])
@@ -312,7 +307,7 @@ def _local(flat: Array, corners: Array, face: Face, facet: Index, chosen: tuple[
     return by_chord
 
 
-def _handed_over(disc: Face, pairs: Index, found: Overlap) -> tuple[Overlap, Overlap]:
+def _handed_over(disc: Face, pairs: Ints, found: Overlap) -> tuple[Overlap, Overlap]:
     """Points that lie outside the facet below their chord go to the facet that they meet."""
     away = (disc.element.outside(found.on_disc) > EDGE) & (found.weight > 0)
     row, point = np.nonzero(away)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from brake_fenicsx.arguments import Array, Ints
 
 from .faces import Face
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 # Reference coordinates of a point inside a facet, up to this.
 EDGE = 1e-8
@@ -22,7 +20,7 @@ def directions_across(n: Array) -> Array:
     return np.stack([first, np.cross(n, first)], axis=-2)
 
 
-def project(face: Face, facet: Index, x: Array, n: Array, start: Array) -> tuple[Array, Array]:
+def project(face: Face, facet: Ints, x: Array, n: Array, start: Array) -> tuple[Array, Array]:
     """Reference points at which rays meet given facets, by Newton's iteration.
 
     Args:
@@ -62,8 +60,8 @@ def project(face: Face, facet: Index, x: Array, n: Array, start: Array) -> tuple
 
 
 def search(
-    face: Face, x: Array, n: Array, point: Index, facet: Index
-) -> tuple[Index, Array, Array, Array]:
+    face: Face, x: Array, n: Array, point: Ints, facet: Ints
+) -> tuple[Ints, Array, Array, Array]:
     """The facet of each point's candidates that its ray meets.
 
     Args:

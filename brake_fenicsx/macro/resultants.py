@@ -10,12 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from brake_fenicsx.arguments import Array, Mask
 
 from .contact_elements import Contact
 from .sliding_friction import Motion, Rotation
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +79,7 @@ def pad_forces(
 
 
 def _forces(
-    contact: Contact, name: str, chosen: NDArray[np.bool_], motion: Motion, p: Array, mu: Array
+    contact: Contact, name: str, chosen: Mask, motion: Motion, p: Array, mu: Array
 ) -> PadForces:
     x, s, w = contact.points[chosen], contact.s[chosen], contact.w[chosen]
     force = w * p[chosen]

@@ -23,13 +23,11 @@ from petsc4py import PETSc
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import InaccurateResult
 
 from .solver import Factor, blocks
-
-Array = NDArray[np.float64]
 
 # Largest relative residual of a solve, and its largest difference from the flexibility: what a
 # factor that went wrong exceeds by far.

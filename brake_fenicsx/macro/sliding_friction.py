@@ -18,11 +18,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.errors import SceneError
 
-Array = NDArray[np.float64]
 # Slip speeds [m/s], shape (elements, ...) -> coefficients and their slopes [s/m], likewise.
 Coefficient = Callable[[Array], tuple[Array, Array]]
 
@@ -120,7 +119,7 @@ class SlidingFriction:
     mu: Array
     slope: Array
     speed: Array
-    braking: NDArray[np.bool_]
+    braking: Mask
 
     @property
     def equilibrium(self) -> Array:

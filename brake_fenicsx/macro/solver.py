@@ -14,13 +14,10 @@ from petsc4py import PETSc
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from brake_fenicsx.arguments import of_kind
+from brake_fenicsx.arguments import Array, of_kind
 from brake_fenicsx.errors import InaccurateResult, OfOneProcess
 from brake_fenicsx.folder.memory import release_memory
-
-Array = NDArray[np.float64]
 
 BLOCK = 128
 

@@ -20,6 +20,7 @@ import ufl
 from numpy.typing import NDArray
 
 from brake_fenicsx import compat
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.meshing.rawmesh import body_of_points
@@ -27,7 +28,6 @@ from brake_fenicsx.meshing.rawmesh import body_of_points
 from .elasticity import face_tag, measured_area
 from .matrix_series import Power
 
-Array = NDArray[np.float64]
 # Makes a matrix of the mesh as it is then, with one pattern always.
 Assembly = Callable[[], sp.csr_matrix]
 

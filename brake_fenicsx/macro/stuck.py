@@ -15,11 +15,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
+
+from brake_fenicsx.arguments import Array, Mask
 
 from .contact_elements import Contact
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +72,13 @@ class StuckState:
         tangential: force along the faces on it [N], shape (3,).
     """
 
-    is_open: NDArray[np.bool_]
-    beyond: NDArray[np.bool_]
+    is_open: Mask
+    beyond: Mask
     w: Array
     normal: Array
     tangential: Array
 
-    def share(self, chosen: NDArray[np.bool_]) -> float:
+    def share(self, chosen: Mask) -> float:
         """Share of some elements in the area [-]."""
         return float(self.w[chosen].sum() / self.w.sum())
 

@@ -22,9 +22,9 @@ from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.brake_mesh import Mesh
 
@@ -33,9 +33,6 @@ from .faces import Face, gather_face
 from .integrals import facet_areas
 from .material import Material
 from .overlap import Overlap, facing_pairs, overlap, rule
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 # Stiffness of a layer that a scene gives none for: this multiple of E / h. See docs/meshes.md for
 # what other values do.

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx import compat
+from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.errors import OfOneProcess, SceneError
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.geometry.part import PartEntities, Swept
@@ -164,7 +165,7 @@ def tagged_mesh(make: Callable[[], RawMesh], comm: MPI.Comm, table: MeshSettings
     )  # fmt: skip
 
 
-def extent(points: NDArray[Any]) -> tuple[float, ...]:
+def extent(points: AnyArray) -> tuple[float, ...]:
     """Sides of the box around points [m], shape (n, 3)."""
     return tuple(map(float, np.ptp(points, axis=0)))
 

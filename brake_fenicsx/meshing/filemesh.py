@@ -7,14 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Ints, Mask
 from brake_fenicsx.errors import SceneError
 
 from .rawmesh import CORNERS, FACETS, MIDDLES, facet_keys, facet_nodes_of_cell
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 # Kind of cell of meshio, Abaqus and Ansys -> (shape, nodes).
 SOLIDS = {
@@ -110,7 +107,7 @@ class FileMesh:
         """Places of nodes for rows of their numbers in the file."""
         return [[self.numbers[n] for n in row] for row in rows]
 
-    def inside(self, kind: str, name: str, facets: Ints) -> NDArray[np.bool_]:
+    def inside(self, kind: str, name: str, facets: Ints) -> Mask:
         """Which facets are in a group.
 
         Args:
@@ -133,7 +130,7 @@ def same_length(rows: Iterable[Sequence[int]]) -> Ints:
     return np.array([[*row, *[max(row)] * (width - len(row))] for row in table])
 
 
-def listed(x: NDArray[Any]) -> Any:
+def listed(x: AnyArray) -> Any:
     """An array as nested lists, of whatever shape."""
     return x.tolist()
 

@@ -11,16 +11,13 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Ints
 from brake_fenicsx.geometry.part import PartEntities, Swept
 
 from .quality import quality
 from .rawmesh import RawMesh, with_mirror_image, without_unused_nodes
 from .swept import Footprint, sweep
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 logger = logging.getLogger(__name__)
 
@@ -333,7 +330,7 @@ def discrete_model(gmsh: Any, mesh: RawMesh, facets: Ints) -> Any:
     model, points = gmsh.model, mesh.points
     model.add("mesh")
     of = mesh.shape, mesh.order
-    numbers: NDArray[Any] = np.arange(1, len(points) + 1)
+    numbers: AnyArray = np.arange(1, len(points) + 1)
     for dim, names, kind, nodes, tag in (
         (3, mesh.layers, CELL_TYPE[of], mesh.cells, mesh.cell_tag),
         (2, mesh.faces, FACET_TYPE[of], facets, mesh.facet_tag),

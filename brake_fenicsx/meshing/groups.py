@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Ints
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import extras, load
 
@@ -19,7 +19,6 @@ from .meshfile import read_mesh_file
 from .quality import orientation
 from .rawmesh import RawMesh, exterior_facets, facet_keys, facet_nodes, turned, without_unused_nodes
 
-Ints = NDArray[np.int64]
 Faces = dict[str, Ints]
 
 logger = logging.getLogger(__name__)
@@ -105,7 +104,7 @@ def _read(folder: Path, file: str, key: str) -> FileMesh:
     return found
 
 
-def _check_extent(used: NDArray, given: GroupedFile) -> None:
+def _check_extent(used: Array, given: GroupedFile) -> None:
     """Refuse a mesh whose extent tells of a wrong unit; its nodes in use [m]."""
     extent, (low, high) = float(np.ptp(used, axis=0).max()), given.extent
     if not low <= extent <= high:
@@ -137,11 +136,7 @@ def _kind(found: FileMesh, group: str, target: str | list[str]) -> tuple[str, st
 
 
 def layers_of(
-    found: FileMesh,
-    points: NDArray,
-    cells: Ints,
-    groups: Mapping[str, str | list[str]],
-    kinds: dict,
+    found: FileMesh, points: Array, cells: Ints, groups: Mapping[str, str | list[str]], kinds: dict
 ) -> RawMesh:
     """Cells of the named groups only."""
     tag = np.zeros(len(cells), dtype=np.int64)
@@ -275,9 +270,13 @@ def _apart(mesh: RawMesh, faces: Faces, split: Mapping[str, str]) -> RawMesh:
         tags.append(np.full(len(own_facets), names[name]))
     _check_once(all_facets, tags, names)
     return replace(
-        mesh, points=points, cells=cells, facets=np.concatenate(all_facets),
-        facet_tag=np.concatenate(tags), faces=names,
-    )  # fmt: skip
+        mesh,
+        points=points,
+        cells=cells,
+        facets=np.concatenate(all_facets),
+        facet_tag=np.concatenate(tags),
+        faces=names,
+    )
 
 
 def _all_nodes(mesh: RawMesh, part: str, facets: Ints) -> Ints:

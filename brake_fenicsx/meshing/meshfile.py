@@ -14,8 +14,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Ints
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import absent, extras, load
 from brake_fenicsx.folder.arrays import reading
@@ -23,7 +23,6 @@ from brake_fenicsx.folder.arrays import reading
 from .filemesh import SOLIDS, FileMesh, each_once, in_gmsh_order, listed, one_kind, same_length
 from .gmsh_mesh import elements, gmsh_session, nodes_of_model
 
-Ints = NDArray[np.int64]
 MSH = b"$MeshFormat"  # how every mesh of gmsh begins since its format 2
 REMEDY = (
     "export the mesh once more, or as another of .msh, .inp, .cdb and .bdf; if another program"

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
+
+from brake_fenicsx.arguments import Array, Ints
 
 from .rawmesh import MIDDLES, RawMesh
-
-Array = NDArray[np.float64]
 
 # Neighbours of each corner of a hexahedron, right-handed.
 _NEIGHBOURS = np.array(
@@ -61,7 +60,7 @@ def quality(mesh: RawMesh) -> Quality:
     return Quality(float(measure[worst]), worst, float(angle.min()), distortion)
 
 
-def orientation(mesh: RawMesh) -> NDArray[np.int64]:
+def orientation(mesh: RawMesh) -> Ints:
     """+1 for cells of positive volume, -1 for cells turned as a whole, 0 for twisted or flat ones.
 
     Returns:

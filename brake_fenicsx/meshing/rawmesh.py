@@ -16,8 +16,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from brake_fenicsx.arguments import Array, Index, Ints, Mask
+
 CORNERS = {"tetrahedron": 4, "hexahedron": 8}
 EDGES = {
     "tetrahedron": ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3)),
@@ -107,7 +107,7 @@ class RawMesh:
         """Corner nodes of each cell."""
         return self.cells[:, : CORNERS[self.shape]]
 
-    def part(self, name: str) -> NDArray[np.bool_]:
+    def part(self, name: str) -> Mask:
         """Which cells belong to a part."""
         tags = [tag for layer, tag in self.layers.items() if layer.partition(".")[0] == name]
         return np.isin(self.cell_tag, tags)
@@ -132,7 +132,7 @@ def permuted(shape: str, order: int, corner: Sequence[int]) -> Ints:
     return np.array([*corner, *(middle[frozenset(corner[i] for i in some)] for some in middle)])
 
 
-def turned(mesh: RawMesh, which: NDArray[np.bool_]) -> RawMesh:
+def turned(mesh: RawMesh, which: Mask) -> RawMesh:
     """The mesh with some cells' nodes in the opposite orientation; the bodies stay as they are."""
     cells = mesh.cells.copy()
     cells[which] = cells[which][:, permuted(mesh.shape, mesh.order, _REFLECTED[mesh.shape])]
@@ -191,7 +191,7 @@ def without_unused_nodes(mesh: RawMesh) -> RawMesh:
     )
 
 
-def body_of_points(cells: Ints, size: int) -> NDArray[np.intp]:
+def body_of_points(cells: Ints, size: int) -> Index:
     """Number of the body of each point: cells that share a point belong together.
 
     Args:

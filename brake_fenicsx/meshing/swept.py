@@ -12,13 +12,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from brake_fenicsx.arguments import Array, Ints
 
 from .quality import orientation
 from .rawmesh import CORNERS, MIDDLES, RawMesh, turned, without_unused_nodes
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 # Nodes of a plane element -> its corners and order.
 PLANE = {3: (3, 1), 6: (3, 2), 4: (4, 1), 9: (4, 2)}

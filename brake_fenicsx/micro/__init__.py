@@ -9,8 +9,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .analytic import ExponentialLaw, LinearLaw, exponential_law, linear_law
-    from .combined import OneLaw, join_laws, scaled_laws
+    from .combined import (
+        ExponentialLaw,
+        LinearLaw,
+        OneLaw,
+        exponential_law,
+        join_laws,
+        linear_law,
+        scaled_laws,
+    )
     from .hardness import HardnessFit, fit_hardness
     from .law import ComputedLaw, Law, LawLibrary, Laws, LawSteps, make_library
     from .law_of_surface import contact_law, law_steps
@@ -26,9 +33,7 @@ __all__ = [
     "solve_contact", "transversely_isotropic_modulus",
 ]  # fmt: skip
 # In the order of what they import: a name is looked for in the lightest module that has it.
-_MODULES = (
-    "analytic", "combined", "law", "settings", "loading", "law_of_surface", "library", "hardness",
-)  # fmt: skip
+_MODULES = ("combined", "law", "settings", "loading", "law_of_surface", "library", "hardness")
 
 
 def __getattr__(name: str) -> Any:

@@ -18,8 +18,9 @@ from typing import Protocol
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, cholesky, solve_triangular
 
+from brake_fenicsx.arguments import Array, Index, Mask
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.micro.halfspace import Array, HalfSpace, Index, Mask
+from brake_fenicsx.micro.halfspace import HalfSpace
 
 ROUND_OFF = 1e-13  # penetrations below this share of the overlap are rounding errors
 

@@ -1,4 +1,7 @@
-"""Libraries made of other laws: one law for all elements, another modulus, several libraries."""
+"""Laws that no surface is pressed for: by a formula, and libraries made of other laws.
+
+One law for all elements, laws of another modulus, several libraries.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,81 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from brake_fenicsx.micro.law import Array, Index, Law, Laws, same_shape, smooth_vibration
+from brake_fenicsx.arguments import Array, Index, positive
+from brake_fenicsx.micro.law import Law, Laws, same_shape, smooth_vibration
+
+
+@dataclass(frozen=True, slots=True)
+class LinearLaw:
+    """Penalty p = k <-d>.
+
+    Attributes:
+        k: stiffness [Pa/m].
+    """
+
+    k: float
+    first_touch: float = 0.0
+
+    def pressure(self, d: ArrayLike) -> Array:
+        """Pressure p [Pa] at the separation d [m]."""
+        return self.k * np.maximum(-np.asarray(d, dtype=float), 0.0)
+
+    def stiffness(self, d: ArrayLike) -> Array:
+        """Stiffness -dp/dd [Pa/m]."""
+        return np.where(np.asarray(d, dtype=float) < 0.0, self.k, 0.0)
+
+    vibration = stiffness
+
+
+@dataclass(frozen=True, slots=True)
+class ExponentialLaw:
+    """p = p0 exp(-d / u0): many contacts of a random surface.
+
+    Attributes:
+        p0: pressure at d = 0 [Pa].
+        u0: length over which the pressure falls by e [m].
+    """
+
+    p0: float
+    u0: float
+
+    @property
+    def first_touch(self) -> float:
+        """Separation [m] where p has fallen to p0 / 1e6, since it never becomes zero."""
+        return float(self.u0 * np.log(1e6))
+
+    def pressure(self, d: ArrayLike) -> Array:
+        """Pressure p [Pa] at the separation d [m]."""
+        return np.asarray(self.p0 * np.exp(-np.asarray(d, dtype=float) / self.u0), float)
+
+    def stiffness(self, d: ArrayLike) -> Array:
+        """Stiffness -dp/dd [Pa/m]."""
+        return np.asarray(self.pressure(d) / self.u0, float)
+
+    vibration = stiffness
+
+
+def linear_law(k: float) -> LinearLaw:
+    """Linear penalty p = k <-d> with k [Pa/m].
+
+    Example:
+        >>> float(linear_law(1e12).pressure(-2e-6))  # 2 um of overlap
+        2000000.0
+    """
+    positive(k=k)
+    return LinearLaw(float(k))
+
+
+def exponential_law(p0: float, u0: float) -> ExponentialLaw:
+    """Exponential law p = p0 exp(-d / u0) with p0 [Pa] and u0 [m].
+
+    Example:
+        >>> law = exponential_law(1e6, 1e-6)
+        >>> round(float(law.pressure(1e-6)))  # p0 / e
+        367879
+    """
+    positive(p0=p0, u0=u0)
+    return ExponentialLaw(float(p0), float(u0))
 
 
 @dataclass(frozen=True, slots=True)

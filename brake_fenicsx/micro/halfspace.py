@@ -23,16 +23,11 @@ from typing import Literal, Protocol
 import numpy as np
 import pyfftw
 import scipy.fft
-from numpy.typing import NDArray
 from scipy.linalg.blas import daxpy
 
-from brake_fenicsx.arguments import one_of
+from brake_fenicsx.arguments import Array, Index, Mask, one_of
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.surface.psd import wave_numbers
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 Boundary = Literal["free", "periodic"]
 

@@ -18,10 +18,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.stats import t as student
 
-from brake_fenicsx.arguments import number, positive
+from brake_fenicsx.arguments import Array, Mask, number, positive
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
-from brake_fenicsx.micro.halfspace import Array, Mask, half_space_of
+from brake_fenicsx.micro.halfspace import half_space_of
 from brake_fenicsx.micro.library import LawRecipe
 from brake_fenicsx.micro.loading import solve_contact
 
@@ -95,9 +95,9 @@ def fit_hardness(
     p, closure, falling = p[kept], closure[kept], falling[kept]
     nodes = np.geomspace(0.999 * p.min(), p.max(), NODES)
     hardnesses = HARDNESSES[1.2 * p.max() < HARDNESSES]
-    table = np.array([
-        [_approach(recipe, seed, i, H, nodes) for H in hardnesses] for i in range(int(surfaces))
-    ])  # fmt: skip
+    table = np.array(
+        [[_approach(recipe, seed, i, H, nodes) for H in hardnesses] for i in range(int(surfaces))]
+    )
     branch = PchipInterpolator(np.log(nodes), table, axis=-1)(np.log(p))
     contact = np.where(falling, branch[:, :, 1], branch[:, :, 0])  # (surfaces, hardnesses, points)
     log_H = np.linspace(np.log(hardnesses[0]), np.log(hardnesses[-1]), 1001)

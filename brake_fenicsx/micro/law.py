@@ -13,14 +13,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from brake_fenicsx.arguments import positive, quantity
+from brake_fenicsx.arguments import Array, Index, Ints, positive, quantity
 from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SceneError
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 DIFFERENCE = 1e-10  # half a step of central differences over the separation [m]
 
 
@@ -119,7 +117,7 @@ class LawLibrary:
     p: Array
     k: Array
     count: Index
-    seed: NDArray[np.int64]
+    seed: Ints
     settings: dict[str, Any] = field(default_factory=dict)
     v: Array | None = None
     slope: Array | None = None
@@ -230,16 +228,11 @@ class LawLibrary:
         """
         p, index = quantity("pressure", pressure, "Pa"), np.arange(len(self))
         positive(pressure=p)
-        last = index, self.count - 1
-        near, far = self.d[last] - p / self.k[last], self.first_touch(index)
-        for _ in range(60):  # halvings, to the last digit
-            middle = 0.5 * (near + far)
-            light = self.loading(index, middle)[0] < p
-            near, far = np.where(light, near, middle), np.where(light, middle, far)
+        d = separations_at(self, index, p)
         rows = zip(self.p, self.area, self.count, strict=True) if self.area is not None else ()
         area = [np.interp(np.log(p), np.log(x[:n]), a[:n]) for x, a, n in rows]
-        k, vibration = self.loading(index, far)[1], self.vibration(index, far)
-        return LawSteps(far, np.full_like(far, p), k, *vibration, np.array(area) if area else None)
+        k, vibration = self.loading(index, d)[1], self.vibration(index, d)
+        return LawSteps(d, np.full_like(d, p), k, *vibration, np.array(area) if area else None)
 
     def _find(self, i: Index, x: Array) -> tuple[Index, Index]:
         """Flat address of the step left of x (the first step in the foot), and its number."""
@@ -312,6 +305,28 @@ class ComputedLaw:
     def vibration(self, d: ArrayLike) -> Array:
         """Stiffness of small vibrations about a state reached by loading to d [Pa/m]."""
         return self.library.vibration(np.array(self.number), np.asarray(d, dtype=float))[0]
+
+
+def separations_at(laws: Laws, index: Index, pressure: float) -> Array:
+    """Separations [m] at which laws carry a pressure, to the last digit, shape of ``index``.
+
+    Args:
+        laws: the library.
+        index: numbers of the laws.
+        pressure: [Pa], positive.
+    """
+    high = laws.first_touch(index)
+    high = np.where(np.isfinite(high), high, 0.0)
+    width = np.full(high.shape, 1e-9)
+    # Laws fall monotonically: widen until all carry the pressure, then halve.
+    while np.any(short := laws.loading(index, high - width)[0] < pressure):
+        width = np.where(short, 2 * width, width)
+    low = high - width
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        enough = laws.loading(index, middle)[0] >= pressure
+        low, high = np.where(enough, middle, low), np.where(enough, high, middle)
+    return np.asarray(low, float)
 
 
 def make_library(

@@ -29,10 +29,10 @@ from typing import Any
 import numpy as np
 import scipy.fft
 
-from brake_fenicsx.arguments import of_kind
+from brake_fenicsx.arguments import Array, of_kind
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.micro.halfspace import HalfSpace, half_space_of
-from brake_fenicsx.micro.law import Array, ComputedLaw, LawSteps, make_library
+from brake_fenicsx.micro.law import ComputedLaw, LawSteps, make_library
 from brake_fenicsx.micro.settings import LawSettings
 from brake_fenicsx.micro.sweep import Step, given, steps_per_decade, sweep
 from brake_fenicsx.surface.iso25178 import gradients

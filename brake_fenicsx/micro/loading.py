@@ -15,10 +15,10 @@ from typing import Literal
 
 import numpy as np
 
-from brake_fenicsx.arguments import number, one_of, positive, real
+from brake_fenicsx.arguments import Array, number, one_of, positive, real
 from brake_fenicsx.errors import NotConverged, SceneError, SurfaceError
 from brake_fenicsx.micro.active import AllPixels, HighPixels, Pixels, active_set
-from brake_fenicsx.micro.halfspace import Array, Boundary, HalfSpace, half_space_of
+from brake_fenicsx.micro.halfspace import Boundary, HalfSpace, half_space_of
 from brake_fenicsx.micro.qp import ContactState, certify, projected_cg
 from brake_fenicsx.surface.iso25178 import gradients
 
@@ -237,10 +237,8 @@ def _by_active_set(
     p: Array = pressure.reshape(h.shape)
     every = isinstance(pixels, AllPixels)
     w = contact.gap.reshape(h.shape) if every else space.apply(p) - h + contact.d
-    c = certify(space, h, p, w, contact.d, total is not None, cap)
-    return ContactState(
-        p, w, contact.d, c.gap, c.penetration, c.complementarity, contact.iterations
-    )
+    certificate = certify(space, h, p, w, contact.d, total is not None, cap)
+    return ContactState(p, w, contact.d, *certificate, contact.iterations)
 
 
 def _gap_residual(h: Array, state: ContactState) -> float:

@@ -16,11 +16,13 @@ doi:10.1016/j.triboint.2005.11.008.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.micro.halfspace import Array, HalfSpace, Mask, add_to
+from brake_fenicsx.micro.halfspace import HalfSpace, add_to
 
 ROUND_OFF = 1e-12  # of sums over all pixels, relative to their largest parts
 RENEW = 0.1  # share of the free pixels that have changed when their answer is computed anew
@@ -49,8 +51,7 @@ class ContactState:
     iterations: int
 
 
-@dataclass(frozen=True, slots=True)
-class Certificate:
+class Certificate(NamedTuple):
     """Duality gap and its parts, all over the work p'Hp except the penetration [m]."""
 
     gap: float
@@ -188,8 +189,7 @@ def projected_cg(
             entering |= top & (w > 0.0)
         certificate = certify(space, h, p, w, d, load_control, cap)
         if certificate.gap <= tolerance or not (elastic.any() or entering.any()):
-            c = certificate
-            return ContactState(p, w, d, c.gap, c.penetration, c.complementarity, iteration)
+            return ContactState(p, w, d, *certificate, iteration)
         if watch.stalls(certificate.gap):
             p = _safe_step(p, np.asarray(w / space.largest, float), total, cap)
             g, old = space.apply(p, g), 0.0

@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import stdtrit
 
-from brake_fenicsx.micro.law import Array, LawSteps
+from brake_fenicsx.arguments import Array
+from brake_fenicsx.micro.law import LawSteps
 from brake_fenicsx.micro.law_of_surface import WIDTH, law_steps
 from brake_fenicsx.micro.library import LawRecipe
 from brake_fenicsx.micro.settings import LawSettings

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from brake_fenicsx.arguments import Array, Index
 from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.micro.active import (
     AllPixels,
@@ -22,7 +23,7 @@ from brake_fenicsx.micro.active import (
     Touching,
     active_set,
 )
-from brake_fenicsx.micro.halfspace import Array, HalfSpace, Index
+from brake_fenicsx.micro.halfspace import HalfSpace
 from brake_fenicsx.micro.loading import dense, first_guess
 from brake_fenicsx.micro.qp import certify, projected_cg
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import label, maximum_filter
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.surface.topography import Topography
 
-Array = NDArray[np.float64]
 # A value this often at the end of the heights, and so much more often than the next, is no height.
 MANY, TIMES = 10, 10
 EMPTY = 0.25  # of the range of the heights without any: two surfaces, or numbers read wrongly

@@ -16,16 +16,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import label
 from scipy.optimize import least_squares
 from scipy.special import expit, ndtr, ndtri
 from scipy.stats import gaussian_kde, johnsonsb, johnsonsu, norm
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SurfaceError
-
-Array = NDArray[np.float64]
-
 
 TAIL = 0.1  # share of the heights that follow the smooth tail at most
 ENOUGH = 100  # independent heights in the tail, beyond which it begins higher

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.fft
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
+from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.surface.topography import Topography
 
-Array = NDArray[np.float64]
 DECAY = 0.2  # of the autocorrelation, for S_al and S_tr
 DIRECTIONS = 180
 CORE = 0.4  # share of the bearing curve below the secant that defines the core
@@ -116,7 +115,7 @@ def gradients(z: Array, pixel: Array) -> tuple[float, float]:
     return float(np.sqrt(np.mean(square))), float(np.mean(np.sqrt(1 + square)) - 1)
 
 
-def _decay(z: Array, valid: NDArray[np.bool_], pixel: Array) -> tuple[float, float, float]:
+def _decay(z: Array, valid: Mask, pixel: Array) -> tuple[float, float, float]:
     """Shortest lag at which the autocorrelation falls to 0.2, its ratio to the longest, open rays.
 
     Args:

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, map_coordinates
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.surface.psd import half_plane_weights, psd_2d, wave_vectors
-from brake_fenicsx.surface.topography import Array, Scans, first
+from brake_fenicsx.surface.topography import Scans, first
 
 ANGLES = 360  # over half a turn
 SPACING, SMOOTH = 0.2, 0.2  # of the rings over ln q, and standard deviation of their weights

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 import scipy.fft
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.surface.psd import Density, RadialPsd, ring_sums, wave_numbers, waves_of
-from brake_fenicsx.surface.topography import Array, Scans, Topography, filling, form
+from brake_fenicsx.surface.topography import Scans, Topography, filling, form
 
 SURFACES = 16  # of all scans together
 ROUNDS = 2

@@ -15,10 +15,9 @@ from typing import Any
 
 import numpy as np
 import scipy.fft
-from numpy.typing import NDArray
 
-from brake_fenicsx.arguments import number
-from brake_fenicsx.surface.topography import Array, Scans, Topography, fill, first
+from brake_fenicsx.arguments import Array, Index, Mask, number
+from brake_fenicsx.surface.topography import Scans, Topography, fill, first
 
 Density = Callable[[Array], Array]
 RINGS = 12  # per factor e of the wave number
@@ -43,7 +42,7 @@ class RadialPsd:
     band: tuple[float, float]
 
     @property
-    def reliable(self) -> NDArray[np.bool_]:
+    def reliable(self) -> Mask:
         """Rings inside the reliable band, shape (n,)."""
         return (self.q >= self.band[0]) & (self.q <= self.band[1]) & (self.C > 0.0)
 
@@ -171,7 +170,7 @@ def radial_mean(C: Array, topo: Topography) -> tuple[Array, Array, Array]:
     return np.exp(middle), mean, share / count
 
 
-def _rings(topo: Topography) -> tuple[NDArray[np.intp], NDArray[np.bool_], Array, Array]:
+def _rings(topo: Topography) -> tuple[Index, Mask, Array, Array]:
     """Ring of every wave inside one, empty rings left out; which waves; their ln q and weights.
 
     Rings are ``RINGS`` per factor e of the wave number, and at least one grid step wide.
@@ -246,7 +245,7 @@ def _groups(shape: tuple[int, int], periodic: bool, *size: float) -> tuple[Any, 
     return answers, q, (group, ring, count[count > 0.0], np.log(q.ravel()[group])), rings
 
 
-def of_equal_length(ln_q: Array) -> tuple[NDArray[np.intp], Array]:
+def of_equal_length(ln_q: Array) -> tuple[Index, Array]:
     """Number of the group of every wave, whose lengths differ by ``NEAR``, and ln q of the groups.
 
     Args:
@@ -256,7 +255,7 @@ def of_equal_length(ln_q: Array) -> tuple[NDArray[np.intp], Array]:
     return place, np.bincount(place, ln_q) / np.bincount(place)
 
 
-def _without_empty(numbers: NDArray[np.intp]) -> NDArray[np.intp]:
+def _without_empty(numbers: Index) -> Index:
     """Numbers of groups, those of groups without a member left out."""
     return np.asarray((np.cumsum(np.bincount(numbers) > 0) - 1)[numbers])
 
@@ -305,9 +304,7 @@ def _noise(C: Array, q: Array, nyquist: float) -> float:
     return levels[1] if levels[1] > levels[0] / ratio else 0.0
 
 
-def _ring_means(
-    ring: NDArray[np.intp], w: Array, ln_q: Array, C: Array
-) -> tuple[Array, Array, Array]:
+def _ring_means(ring: Index, w: Array, ln_q: Array, C: Array) -> tuple[Array, Array, Array]:
     """Ln of the mean wave number of each ring, mean density there, density of waves moved there.
 
     Within a ring the density follows the local slope; that is taken out before the mean, or a

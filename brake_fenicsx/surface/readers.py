@@ -8,28 +8,19 @@ with a lateral size 1e9 too large, and readers of TrueMap files disagree by 1e3 
 
 from __future__ import annotations
 
-import struct
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from brake_fenicsx.arguments import number, one_of, real
+from brake_fenicsx.arguments import AnyArray, Array, number, one_of, real
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.folder.arrays import npz_names, read_hdf5, read_npz, reading
-from brake_fenicsx.surface.missing import missing_points
-from brake_fenicsx.surface.releases import FORMATS
+from brake_fenicsx.surface.instruments import METRES, Read, read_instrument
 from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, HeightTable, read_npy, read_table
 from brake_fenicsx.surface.topography import Topography, make_topography
 from brake_fenicsx.surface.x3p import read_x3p
 
-Array = NDArray[np.float64]
-METRES = {
-    "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "\u00b5m": 1e-6, "\u03bcm": 1e-6,
-    "nm": 1e-9, "A": 1e-10, "\u00c5": 1e-10, "pm": 1e-12,
-}  # fmt: skip
 OWN = ("heights", "size", "scale")  # arrays of our own formats
 MISSING = np.iinfo(np.int16).min  # value of a missing point in our int16 npz
 
@@ -76,7 +67,7 @@ def read_topography(
     elif file.suffix.lower() == ".npy" or _is_text(file):
         heights, sides, kind = _read_numbers(file, height_unit, size)
     else:
-        heights, sides = _read_instrument(file, height_unit, size, channel)
+        heights, sides = read_instrument(file, height_unit, size, channel)
     if channel is not None and (read is not None or kind):
         raise SurfaceError(f"{file}: channel = {channel} has no meaning: the file has no channels")
     if rows == "y":
@@ -91,7 +82,7 @@ def read_topography(
     return make_topography(heights, lengths, source=str(file))
 
 
-def _check_coordinates(file: Path, spans: NDArray[Any], size: Any, shape: tuple[int, ...]) -> None:
+def _check_coordinates(file: Path, spans: AnyArray, size: Any, shape: tuple[int, ...]) -> None:
     """Refuse a size that no unit of the coordinates in a file explains."""
     ratio = real("size", size) / spans
     room = 0.01 + 1.0 / min(shape)  # a size may be that from the first to the last point
@@ -122,9 +113,6 @@ def _metres(unit: str | float, source: str) -> float:
     return METRES[unit]
 
 
-Read = tuple[NDArray[Any], Any]
-
-
 def _read_arrays(file: Path, unit: float | None) -> Read:
     """Own format, npz or HDF5: ``heights`` (times ``scale`` [m], 1 m if not given), ``size``."""
     npz = file.suffix.lower() == ".npz"
@@ -132,7 +120,7 @@ def _read_arrays(file: Path, unit: float | None) -> Read:
         arrays = (read_npz if npz else read_hdf5)(file, OWN)
     if "heights" not in arrays:
         if not npz:
-            return _read_instrument(file, unit, None, None)
+            return read_instrument(file, unit, None, None)
         found = ", ".join(npz_names(file)) or "nothing"
         raise SurfaceError(f"{file}: no array 'heights' (found: {found})")
     raw = arrays["heights"]
@@ -192,22 +180,10 @@ def _read_numbers(
     return table.heights.T * unit, sides, "header"
 
 
-def _refused(file: Path) -> str | None:
-    """Why a file of a known format is not read, whatever its reader makes of it."""
-    with file.open("rb") as stream:
-        head = stream.read(64)
-    if head.startswith(b"DIGITAL SURF"):
-        # Number of objects and kind of study; 5 is a series of surfaces.
-        count, _, kind = struct.unpack_from("<3h", head, 14)
-        if count > 1 or kind == 5:
-            return f"holds {count} surfaces, of kind {kind}; export one of them"
-    return None
-
-
 def _read_sdf(file: Path, unit: float | None) -> Read:
     """Text of ISO 25178-71: a header of NAME = VALUE [m], "*", and heights, x fastest."""
     if file.read_bytes()[:1] != b"a":
-        return _read_instrument(file, unit, None, None)
+        return read_instrument(file, unit, None, None)
     head, _, rest = file.read_text("latin1").partition("*")
     pairs = (line.partition("=") for line in head.splitlines()[1:])
     given = {name.strip().lower(): value.strip() for name, _, value in pairs}
@@ -218,52 +194,3 @@ def _read_sdf(file: Path, unit: float | None) -> Read:
         heights = np.array([np.nan if word.upper() == "BAD" else float(word) for word in words])
         heights = heights.reshape(ny, nx).T
     return heights * (z if unit is None else unit), np.array([nx * x, ny * y])
-
-
-def _read_instrument(
-    file: Path, unit: float | None, size: tuple[float, float] | None, channel: int | None
-) -> Read:
-    """Everything SurfaceTopography reads."""
-    import SurfaceTopography
-    from SurfaceTopography.Exceptions import CannotDetectFileFormat
-
-    if refused := _refused(file):
-        raise SurfaceError(f"{file}: {refused}")
-    if (known := FORMATS.get(file.suffix.lower())) and known.refused and size is None:
-        raise SurfaceError(f"{file}: {known.refused}")
-    remedy = f"copy it again, or export it as text: {ACCEPTED}"
-    trial = partial(reading, file, "by SurfaceTopography", remedy, SurfaceError)
-    with trial():
-        try:
-            reader = SurfaceTopography.open_topography(str(file))
-        except CannotDetectFileFormat:
-            raise SurfaceError(
-                f"{file}: no reader knows this format; export it as text: {ACCEPTED}"
-            ) from None
-        channels = reader.channels
-        index = reader.default_channel.index if channel is None else channel
-    if index not in range(len(channels)):
-        raise SurfaceError(f"{file}: channel = {channel!r}, the file has {len(channels)}, from 0")
-    info = channels[index]
-    if info.dim != 2:
-        raise SurfaceError(f"{file}: channel {index} is a line scan; a map is needed")
-    settings: dict[str, Any] = {}
-    if info.physical_sizes is None:
-        if size is None:
-            raise SurfaceError(f"{file}: the file names no lateral size; give it as 'size'")
-        settings["physical_sizes"] = tuple(size)
-    with trial():
-        topo = reader.topography(channel_index=index, **settings)
-        heights = real("heights", topo.heights())  # A masked array where points are missing.
-        heights[missing_points(file, heights / (info.height_scale_factor or 1.0))] = np.nan
-    length = METRES.get(topo.unit or "")
-    if length is None and (size is None or unit is None):
-        named = f"its unit {topo.unit!r} is unknown" if topo.unit else "the file names no unit"
-        needed = [n for n, v in (("size", size), ("height_unit", unit)) if v is None]
-        raise SurfaceError(f"{file}: {named}; give {' and '.join(map(repr, needed))}")
-    if unit is not None:
-        scale = info.height_scale_factor
-        heights = heights / (1.0 if scale is None else scale) * unit
-    elif length is not None:
-        heights = heights * length
-    return heights, None if length is None else np.array(topo.physical_sizes) * length

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.psd import RadialPsd
 from brake_fenicsx.surface.spectrum import BiFractal, variance_on
-from brake_fenicsx.surface.topography import Array, Topography
+from brake_fenicsx.surface.topography import Topography
 
 MANY_OUTLIERS = 0.05  # share of the points
 NOISE = -1.0  # white noise has a slope of 0; a steeper spectrum is that of a rough surface

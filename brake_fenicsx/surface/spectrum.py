@@ -11,10 +11,9 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
-from brake_fenicsx.arguments import one_of
+from brake_fenicsx.arguments import Array, one_of
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.lay import Lay, lay_of
 from brake_fenicsx.surface.psd import (
@@ -26,7 +25,6 @@ from brake_fenicsx.surface.psd import (
 )
 from brake_fenicsx.surface.topography import Scans, Topography, first
 
-Array = NDArray[np.float64]
 LOW = ("extend", "flat")
 SPECTRA = ("fit", "measured", "directional")
 MODEL = 0.01  # variance of ln C that a ring has beyond its scatter

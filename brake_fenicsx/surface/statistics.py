@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from brake_fenicsx.arguments import one_of
+from brake_fenicsx.arguments import Array, one_of
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.doubts import implausible, where_missing
 from brake_fenicsx.surface.hdf import matched, measured, moments, pooled
@@ -16,7 +16,7 @@ from brake_fenicsx.surface.masked import FEW, without_holes
 from brake_fenicsx.surface.psd import anisotropy, radial_psd
 from brake_fenicsx.surface.record import SurfaceStatistics
 from brake_fenicsx.surface.spectrum import BiFractal, fit_bifractal, spectrum_of
-from brake_fenicsx.surface.topography import Array, Topography, fill, form, outliers
+from brake_fenicsx.surface.topography import Topography, fill, form, outliers
 
 # The paper's scan: 256 pixels over 1.8 mm; the band of statistics that come without a scan.
 DISTRIBUTIONS = ("measured", "johnson", "normal")

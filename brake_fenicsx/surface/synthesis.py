@@ -28,12 +28,12 @@ import numpy as np
 import scipy.fft
 from scipy.special import ndtr
 
-from brake_fenicsx.arguments import one_of
+from brake_fenicsx.arguments import Array, one_of
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.psd import Density, half_plane_weights, wave_numbers, wave_vectors
 from brake_fenicsx.surface.spectrum import LOW, BiFractal
-from brake_fenicsx.surface.topography import Array, SynthesisRecord, Topography
+from brake_fenicsx.surface.topography import SynthesisRecord, Topography
 
 _polynomial: Any = np.polynomial.polynomial
 TERMS = 40  # Hermite polynomials; a Johnson distribution of kurtosis 10 needs about 20

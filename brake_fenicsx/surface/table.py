@@ -16,14 +16,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from brake_fenicsx.arguments import real
+from brake_fenicsx.arguments import Array, real
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.folder.arrays import read_npy as read_npy_array
 from brake_fenicsx.folder.arrays import reading
-
-Array = NDArray[np.float64]
 
 ACCEPTED = (
     "text is accepted as a matrix of heights or as columns x, y, z on a regular grid, separated by"

@@ -12,15 +12,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.sparse.linalg import splu
 
-from brake_fenicsx.arguments import one_of, positive, real
+from brake_fenicsx.arguments import Array, Mask, one_of, positive, real
 from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SurfaceError
-
-Array = NDArray[np.float64]
 
 SAME_PIXEL = 1e-6  # relative difference that the rounding of a file explains
 LEVELS = ("none", "mean", "plane", "second-order")
@@ -79,11 +76,12 @@ class Topography:
         """Size and heights as a table of a notebook."""
         h = 1e6 * self.heights[self.valid]
         rows: list[list[Any]] = [
-            ["points missing", int(np.sum(~self.valid))], ["S_q [um]", float(h.std())],
+            ["points missing", int(np.sum(~self.valid))],
+            ["S_q [um]", float(h.std())],
             ["lowest and highest [um]", f"{h.min():.4g} to {h.max():.4g}"],
             ["pixel [um]", "{:.4g} x {:.4g}".format(*(1e6 * self.pixel))],
             ["periodic", "yes" if self.periodic else "no"],
-        ]  # fmt: skip
+        ]
         return html_table(repr(self), ("", ""), rows)
 
     @property
@@ -97,16 +95,13 @@ class Topography:
         return self.size / np.array(self.heights.shape)
 
     @property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> Mask:
         """Where a height was measured, shape (nx, ny)."""
         return np.isfinite(self.heights)
 
 
 def make_topography(
-    heights: Array,
-    size: Array | tuple[float, float],
-    periodic: bool = False,
-    source: str = "array",
+    heights: Array, size: Array | tuple[float, float], periodic: bool = False, source: str = "array"
 ) -> Topography:
     """Check heights and size and put them together.
 
@@ -198,7 +193,7 @@ def form(topo: Topography, level: str) -> Array:
     return np.asarray(x @ coefficients @ y.T + middle)
 
 
-def outliers(heights: Array, rule: str = "spike", threshold: float = 6.0) -> NDArray[np.bool_]:
+def outliers(heights: Array, rule: str = "spike", threshold: float = 6.0) -> Mask:
     """Mark points that do not belong to the surface.
 
     Both rules measure in robust standard deviations: 1.4826 times the median distance of the
@@ -242,7 +237,7 @@ def fill(heights: Array) -> Array:
     return filling(np.isnan(heights))(heights)
 
 
-def filling(missing: NDArray[np.bool_]) -> Callable[[Array], Array]:
+def filling(missing: Mask) -> Callable[[Array], Array]:
     """How to fill the same missing points of many surfaces, see ``fill``.
 
     Args:

@@ -17,13 +17,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.fft
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.psd import half_plane_weights, wave_vectors
 from brake_fenicsx.surface.spectrum import BiFractal
-from brake_fenicsx.surface.topography import Array
 
 PER_PATCH = 4  # grid points along a patch: the averaged field has no shorter waves than a patch
 MOST = 4096  # grid points along a side of the field
@@ -81,7 +80,7 @@ class Waviness:
             )
         return (counts[0], counts[1]), step * np.array(counts)
 
-    def _powers(self, shape: tuple[int, int], size: Array) -> NDArray[np.float64]:
+    def _powers(self, shape: tuple[int, int], size: Array) -> Array:
         """Variance of every wave vector of ``rfft2`` [m^2]."""
         qx, qy = wave_vectors(shape, size)
         # numpy's sinc(x) is sin(pi x) / (pi x).

@@ -11,12 +11,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.folder.arrays import reading
 
-Array = NDArray[np.float64]
 TYPES = {"I": "<i2", "L": "<i4", "F": "<f4", "D": "<f8"}
 
 

@@ -7,7 +7,6 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
 from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.macro import equilibrium
@@ -52,16 +51,6 @@ def test_wrong_number_of_laws_is_refused(ops):
         equilibrium(ops, laws, 0.0, 0.0)
     with pytest.raises(SceneError, match="index"):
         equilibrium(ops, laws, 0.0, 0.0, index=np.full(len(ops.w), 7))
-
-
-def test_contact_stiffness_is_the_slope_of_the_law(ops):
-    """The tangent of the next stage: k = -dp/dg element by element."""
-    law = exponential_law(10e6, 10e-6)
-    eq = equilibrium(ops, law, 0.0, 0.5)
-    h = 1e-9
-    slope = (law.pressure(eq.g - h) - law.pressure(eq.g + h)) / (2 * h)
-    assert eq.k == pytest.approx(slope, rel=1e-6)
-    assert sp.issparse(ops.N)
 
 
 def named_limit(raised):

@@ -21,9 +21,7 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.substructures.substructure import split_substructures
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
-FEW = [
-    "mesh.cells=hexahedra", "parts.block.size='5 mm'", "parts.plate.size='10 mm'", "contact={}",
-]  # fmt: skip
+FEW = ["mesh.cells=hexahedra", "parts.block.size='5 mm'", "parts.plate.size='10 mm'", "contact={}"]
 RIGID = [
     f"materials.{name}={{ model='isotropic', E='1e7 GPa', nu=0, rho='2510 kg/m^3' }}"
     for name in ("iron", "lining")

@@ -2,35 +2,18 @@
 
 import numpy as np
 import pytest
-import ufl
-from dolfinx import fem
 from scipy.sparse.linalg import spsolve
 
 import hertz_parts
-from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.geometry import block, disc, pad
 from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.meshing.brake_mesh import build_mesh, raw_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
+from mesh_measures import measures
 
 STEEL = Material(isotropic(2e11, 0.3), 7800.0)
-
-
-def measures(mesh):
-    """Cells, facets, volume of each layer and area of each face."""
-    found = {}
-    for dim, names, tags in ((3, mesh.layers, mesh.cell_tags), (2, mesh.faces, mesh.facet_tags)):
-        for name, tag in names.items():
-            entities = tags.find(tag)
-            one = compat.meshtags(mesh.domain, dim, entities, 1)
-            kind = "dx" if dim == 3 else "ds"
-            rule = {"quadrature_degree": 4}
-            dx = ufl.Measure(kind, domain=mesh.domain, subdomain_data=one, metadata=rule)(1)
-            value = fem.assemble_scalar(fem.form(fem.Constant(mesh.domain, 1.0) * dx))
-            found[name] = (len(entities), value)
-    return found
 
 
 PARTS = {
@@ -88,15 +71,6 @@ def test_hexahedra_stretch_exactly(comm, order):
     work = f @ spsolve(solved.K.tocsc(), f)
     assert work == pytest.approx(1e6**2 / 2e11 * 12e-3 * 300e-6, rel=1e-9)
     assert mesh.shape == "hexahedron"
-
-
-def test_mass_of_hexahedra(comm):
-    """Nothing held: the mass of a unit translation is that of the body, for all three axes."""
-    table = MeshSettings(cells="hexahedra", order=2)
-    mesh = build_mesh({"disc": (disc, disc.Disc(size=20e-3))}, comm, table)
-    solved = assemble_elastic(mesh, {"disc.body": STEEL}, {})
-    mass = solved.M.sum() / 3
-    assert mass == pytest.approx(7800 * np.pi * (144e-3**2 - 75e-3**2) * 20e-3, rel=1e-4)
 
 
 @pytest.mark.together

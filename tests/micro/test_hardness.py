@@ -19,9 +19,7 @@ UNIT = (1.0, 1.0)
 
 
 def rough(n=32, seed=0):
-    h = synthesise(
-        PAPER.bifractal, PAPER.hdf, (n, n), SIZE, np.random.default_rng(seed)
-    ).heights  # fmt: skip
+    h = synthesise(PAPER.bifractal, PAPER.hdf, (n, n), SIZE, np.random.default_rng(seed)).heights
     return h - h.mean()
 
 
@@ -231,7 +229,7 @@ def test_both_stiffnesses_against_finite_differences(boundary):
         held = np.flatnonzero(state.p.ravel() >= hardness)
         return active_set(
             AllPixels(space, heights), d, None, overlap, cap=hardness, held=held
-        ).pressure.sum()  # fmt: skip
+        ).pressure.sum()
 
     onwards = (load(h, at.d - step, cap) - load(h, at.d, cap)) / step
     assert onwards == pytest.approx(at.stiffness, rel=1e-4)

@@ -15,8 +15,8 @@ from brake_fenicsx.surface import given_statistics
 PAPER = given_statistics(10e-6, -0.2410, 3.6549)
 E_STAR, BULK, TRUTH = 2.3734e9, 2e11, 1.5e8  # a lining of 10 mm; 150 MPa
 RECIPE = LawRecipe(
-    PAPER.bifractal, PAPER.hdf, LawSettings(E_STAR, boundary="periodic"), shape=(64, 64),
-)  # fmt: skip
+    PAPER.bifractal, PAPER.hdf, LawSettings(E_STAR, boundary="periodic"), shape=(64, 64)
+)
 NODES = np.geomspace(0.02e6, 2e6, 30)
 
 

@@ -81,9 +81,7 @@ def test_westergaard_wave(f):
     assert found.area_fraction == pytest.approx(2 * wave.half_width(mean), abs=2.0 / n)
 
 
-@pytest.mark.parametrize(
-    ("f", "gap", "peak"), [(0.2, 0.20463, 1.0955), (0.5, 0.045078, 1.4793)]
-)  # fmt: skip
+@pytest.mark.parametrize(("f", "gap", "peak"), [(0.2, 0.20463, 1.0955), (0.5, 0.045078, 1.4793)])
 def test_johnson_greenwood_higginson_wave(f, gap, peak):
     """Two-dimensional wave: mean gap over Delta and peak over p*."""
     n, Delta = 256, 0.01

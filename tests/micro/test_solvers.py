@@ -17,9 +17,7 @@ SIZE = (2.825e-3, 2.825e-3)
 
 
 def rough(n=32, seed=0):
-    return synthesise(
-        PAPER.bifractal, PAPER.hdf, (n, n), SIZE, np.random.default_rng(seed)
-    ).heights  # fmt: skip
+    return synthesise(PAPER.bifractal, PAPER.hdf, (n, n), SIZE, np.random.default_rng(seed)).heights
 
 
 def brute_force(h, size, d):
@@ -61,22 +59,6 @@ def test_solvers_agree_and_load_is_dual_to_separation(boundary, share):
     for other in found[1:]:
         np.testing.assert_allclose(other.pressure, found[0].pressure, atol=1e-5 * peak)
         assert other.load == pytest.approx(load, rel=1e-6)
-
-
-def test_certificate_bounds_the_energy_error():
-    """Stopped early, the true energy error is below the reported gap, for both boundaries."""
-    h = rough(32)
-    h = h - h.mean()
-    pixel = (SIZE[0] / 32, SIZE[1] / 32)
-    for boundary, d in (("free", 0.0), ("periodic", 0.3 * h.std())):
-        space = half_space(h.shape, pixel, boundary)
-        best = projected_cg(space, h, d, None, np.ones_like(h), 1e-14)
-        energy = 0.5 * np.vdot(best.p, best.w + h - d) - np.vdot(best.p, h - d)
-        for tolerance in (1e-1, 1e-2, 1e-4, 1e-6):
-            part = projected_cg(space, h, d, None, np.maximum(h, 0.0), tolerance)
-            work = np.vdot(part.p, part.w + h - d)
-            error = 0.5 * work - np.vdot(part.p, h - d) - energy
-            assert -1e-13 * work <= error <= part.gap * work * (1 + 1e-6)
 
 
 def test_certificate_bounds_any_pressure():
@@ -153,18 +135,6 @@ def test_scaling(seed, log_height, log_modulus, depth, shape):
     np.testing.assert_allclose(
         found.pressure, scale * unit.pressure, atol=1e-4 * scale * unit.pressure.max()
     )
-
-
-@settings(max_examples=25, deadline=None)
-@given(st.integers(0, 10**6), st.floats(0.05, 3.0), st.floats(0.01, 1.0))
-def test_load_and_area_rise_with_approach(seed, depth, more):
-    h = np.random.default_rng(seed).standard_normal((12, 12))
-    far, near = (
-        solve_contact(h, (1.0, 1.0), 1.0, separation=h.max() - h.mean() - a, tol=1e-10)
-        for a in (depth, depth + more)
-    )
-    assert near.load > far.load > 0.0
-    assert near.area_fraction >= far.area_fraction
 
 
 @pytest.mark.parametrize(

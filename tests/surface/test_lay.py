@@ -81,14 +81,6 @@ def test_anisotropy_is_that_of_the_variance(ratio):
     assert all(warned) if ratio > 1 else not any(warned)
 
 
-def test_a_grooved_scan_has_a_texture_aspect_ratio():
-    """Straight grooves along one side: the autocorrelation never falls along them."""
-    x = np.random.default_rng(0).standard_normal(N)
-    rough = np.random.default_rng(1).standard_normal((N, N))
-    topo = make_topography(1e-6 * (np.repeat(x[:, None], N, axis=1) + 0.1 * rough), (SIDE, SIDE))
-    assert iso_parameters(levelled(topo))["S_tr"] < 0.05
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("ratio", [4, 16])
 def test_surfaces_have_the_two_dimensional_spectrum(ratio):

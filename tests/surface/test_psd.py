@@ -13,12 +13,10 @@ from brake_fenicsx.surface import (
     given_statistics,
     make_topography,
     radial_psd,
-    synthesise,
 )
 from brake_fenicsx.surface import psd as psd_module
 from brake_fenicsx.surface.psd import (
     RadialPsd,
-    anisotropy,
     cosine_psd,
     half_plane_weights,
     psd_2d,
@@ -214,20 +212,6 @@ def test_instrument_cutoff_ends_the_band():
     h = np.random.default_rng(0).standard_normal((64, 64))
     topo = make_topography(h, (64e-6, 64e-6), periodic=True)
     assert radial_psd(topo, cutoff=8e-6).band[1] == pytest.approx(2 * np.pi / 8e-6)
-
-
-def test_anisotropy():
-    """Near 0 for an isotropic surface, near 1 for grooves, and it knows their direction."""
-    rng = np.random.default_rng(0)
-    topo = synthesise(PAPER.bifractal, PAPER.hdf, (128, 128), (1e-3, 1e-3), rng)
-    strength, _ = anisotropy(topo, (2e4, 3e5))
-    assert strength < 0.15  # a hundred waves have half of the variance: 1 / 10 by chance
-    x = np.arange(128) / 128
-    grooves = sum(np.cos(2 * np.pi * k * x + k) / k for k in range(2, 30))
-    ridged = make_topography(np.repeat(grooves[None, :], 128, axis=0), (1e-3, 1e-3), periodic=True)
-    strength, direction = anisotropy(ridged, (1e4, 3e5))
-    assert strength > 0.9
-    assert abs(abs(direction) - np.pi / 2) < 0.05  # wave vectors along y
 
 
 def test_too_few_rings_are_named():

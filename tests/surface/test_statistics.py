@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.surface import characterise, given_statistics, make_topography, synthesise
-from brake_fenicsx.surface.hdf import Johnson, Measured
+from brake_fenicsx.surface.hdf import Johnson
 
 PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
 
@@ -58,17 +58,6 @@ def test_numbers_alone_are_statistics_too():
     band = PAPER.bifractal.band
     assert PAPER.bifractal.variance(*band) == pytest.approx(33.1e-6**2, rel=1e-12)
     assert isinstance(PAPER.hdf, Johnson)
-
-
-def test_measured_heights_are_kept_on_request():
-    topo = short_waved(0)
-    stats = characterise(topo, distribution="measured")
-    assert isinstance(stats.hdf, Measured)
-    assert stats.hdf.S_q == pytest.approx(stats.S_q, rel=1e-12)
-    u = np.array([0.0, 0.1, 0.5, 0.85])
-    np.testing.assert_allclose(
-        stats.hdf.ppf(u), np.quantile(stats.heights, u, method="hazen"), rtol=1e-9, atol=1e-20
-    )
 
 
 def test_second_order_form_is_removed():

@@ -62,14 +62,6 @@ def test_fill_is_harmonic_and_stays_between_its_neighbours():
     assert full[~known].max() <= h[known].max() and full[~known].min() >= h[known].min()
 
 
-def test_fill_continues_a_plane():
-    x, y = grid()
-    h = x + 2 * y
-    holes = h.copy()
-    holes[10:20, 10:20] = np.nan
-    np.testing.assert_allclose(fill(holes), h, atol=1e-12)
-
-
 def test_spikes_are_found_and_summits_are_not():
     """A summit of 8 standard deviations with flanks stays; one pixel as high goes."""
     rng = np.random.default_rng(2)
@@ -134,12 +126,3 @@ def test_what_is_no_positive_number(value):
         number("cutoff", value, least=0.0)
     with pytest.raises(SceneError, match="threshold"):
         outliers(np.eye(4), "mad", value)
-
-
-def test_positive_numbers():
-    assert [number("x", v, least=0.0) for v in (2, 0.5, np.float32(0.5), np.array(3))] == [
-        2,
-        0.5,
-        0.5,
-        3,
-    ]

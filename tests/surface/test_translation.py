@@ -19,11 +19,9 @@ def mapped_correlation(hdf, r):
 
 def made(seeds, n=64, stats=PAPER, hdf=None):
     return [
-        synthesise(
-            stats.bifractal, hdf or stats.hdf, (n, n), SIZE, np.random.default_rng(seed)
-        )
+        synthesise(stats.bifractal, hdf or stats.hdf, (n, n), SIZE, np.random.default_rng(seed))
         for seed in seeds
-    ]  # fmt: skip
+    ]
 
 
 @pytest.mark.parametrize("sigma", [0.3, 0.6])

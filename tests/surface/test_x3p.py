@@ -10,7 +10,7 @@ import pytest
 
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface import characterise, given_statistics, read_topography, synthesise
-from brake_fenicsx.surface.releases import BELOW, FORMATS, LOWEST
+from brake_fenicsx.surface.instruments import BELOW, FORMATS, LOWEST
 from brake_fenicsx.surface.x3p import TYPES
 
 ROOT = Path(__file__).parents[2]

@@ -52,9 +52,12 @@ def line(fine, discretisation="patch", penalty=1e17):
         "plate": hertz_parts.slab(depth, fine=1.2 * fine),
     }
     supports = {
-        "plate.bottom": ["x", "z"], "plate.symmetry_x": ["x"], "cylinder.symmetry_x": ["x"],
-        "plate.sides": ["y"], "cylinder.sides": ["y"],
-    }  # fmt: skip
+        "plate.bottom": ["x", "z"],
+        "plate.symmetry_x": ["x"],
+        "cylinder.symmetry_x": ["x"],
+        "plate.sides": ["y"],
+        "cylinder.sides": ["y"],
+    }
     load = {"cylinder.top": np.pi * A * p0 / 4 / R}
     c, eq, _ = pressed(
         parts, ("cylinder.contact", "plate.contact"), supports, load,
@@ -136,10 +139,7 @@ def facet_means(face, p0):
 
 @pytest.mark.parametrize(
     ("fine", "peak", "profile"),
-    [
-        (0.2e-3, 1.5e-2, 0.05),
-        pytest.param(0.1e-3, 5e-3, 0.025, marks=pytest.mark.slow),
-    ],
+    [(0.2e-3, 1.5e-2, 0.05), pytest.param(0.1e-3, 5e-3, 0.025, marks=pytest.mark.slow)],
 )
 def test_sphere_contact(fine, peak, profile):
     """18,500 and 37,800 dofs, 7 and 15 facets over the radius: peak, and profile in L2."""

@@ -17,7 +17,7 @@ from sliding_layer import (
     penalised,
     solved,
     winding,
-)  # fmt: skip
+)
 
 WAVES = (0.5, 1.5, 3.0)
 POISSON = (0.3, 0.45)
