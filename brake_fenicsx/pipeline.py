@@ -284,14 +284,13 @@ def note_open_points(this: Run) -> None:
 
 def make_study(this: Run, surfaces: Surfaces, library: LawLibrary | None, brake: Brake) -> Study:
     """What the samples of a scene share, made or read from the folder; collective."""
+    from brake_fenicsx.samples.sampling import Roughness
     from brake_fenicsx.samples.study import Study
 
     stats = surfaces.get("surface")
-    hdf, waviness = stats.hdf if stats else None, _waviness(this.scene, stats)
+    rough = Roughness(library, stats.hdf if stats else None, _waviness(this.scene, stats))
     zones = _zones(this, surfaces)
-    study = Study(
-        this.scene, brake, library, hdf, this.store, this.comm, this.cache, waviness, zones
-    )  # fmt: skip
+    study = Study(this.scene, brake, rough, this.store, this.comm, this.cache, zones)
     with this.stage("offline"):
         study.prepare()
         this.facts |= study.facts

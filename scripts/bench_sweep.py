@@ -72,7 +72,7 @@ def events():
     for steps, full in ((41, True), (11, False), (21, False), (41, False), (81, False)):
         followed, found, count, seconds = brake.line(0, steps, full=full)
         cut = sum(b.end == CUT for b in followed.branches)
-        modes = (followed.solves, 0) if full else count
+        modes = (len(followed.states), 0) if full else count
         print(
             f"| {steps} | {'yes' if full else 'no'} | {modes[0]} | {modes[1]} | {cut} |"
             f" {len(found)} of {len(reference)} | {seconds[0]:.1f} | {seconds[1]:.1f} |"

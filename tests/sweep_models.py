@@ -58,3 +58,13 @@ def hoffmann(mu, damping=(0.0, 0.0)):
 
 
 MERGED = 0.5 + 2 * (1 / 9)
+
+
+def along(followed):
+    """Values of the parameter and eigenvalues of each branch, the lowest branch first."""
+    found = []
+    for b in followed.branches:
+        states = [followed.states[i] for i in b.states]
+        s = [state.s[m] for state, m in zip(states, b.modes, strict=True)]
+        found.append((np.array([state.x for state in states]), np.array(s)))
+    return sorted(found, key=lambda pair: pair[1][0].imag)

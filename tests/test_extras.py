@@ -33,7 +33,7 @@ BROKEN = (
         "brake_fenicsx.samples.solve.full_modes": "",  # of the verification
     },
     {
-        "brake_fenicsx.samples.drivers.Drivers.of": "drivers left out",
+        "brake_fenicsx.samples.study.driver_arrays": "drivers left out",
         "brake_fenicsx.stability.substructures.reduced_model.ReducedModel"
         ".displacements_of_samples": "shapes of modes left out",
         "brake_fenicsx.pipeline.draw_mesh": "picture of the mesh left out",

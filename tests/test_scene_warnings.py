@@ -264,7 +264,7 @@ def test_laws_of_another_mesh_are_others():
 def test_perfect_contact_has_the_friction_of_the_scene_unless_its_own_is_written(changes, mu):
     scene = read_scene(BLOCK, [*ROUGH, SMALL % "1 mm", *changes])
     contact = SimpleNamespace(interface=np.zeros(3, dtype=int), speed=np.ones(3))
-    sample = draw_sample(scene, "classical", 0, at_contact(contact), None, None)
+    sample = draw_sample(scene, "classical", 0, at_contact(contact))
     np.testing.assert_array_equal(sample.friction.mu, mu)
     assert friction_texts(scene) == {"multi-scale": "0.1", "classical": f"{mu:g}"}
 
@@ -272,7 +272,7 @@ def test_perfect_contact_has_the_friction_of_the_scene_unless_its_own_is_written
 def test_friction_that_depends_on_the_speed_is_inherited_too():
     scene = read_scene(BLOCK, [*ROUGH, SMALL % "1 mm", FALLING])
     contact = SimpleNamespace(interface=np.zeros(2, dtype=int), speed=np.array([0.0, 1e3]))
-    sample = draw_sample(scene, "classical", 0, at_contact(contact), None, None)
+    sample = draw_sample(scene, "classical", 0, at_contact(contact))
     np.testing.assert_allclose(sample.friction.mu, [0.6, 0.4])
     assert friction_texts(scene)["classical"] == "0.6 to 0.4"
 

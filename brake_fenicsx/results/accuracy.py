@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from brake_fenicsx.arguments import AnyArray, Mask
 
 from .run import RunData
 from .tables import Row
@@ -120,7 +121,7 @@ def stage_rows(summary: Mapping[str, Any]) -> list[StageRow]:
     return [StageRow(name, seconds.get(name), memory.get(name)) for name in names]
 
 
-def _quantiles(values: NDArray, mine: NDArray[np.bool_], *shares: float) -> list[float | None]:
+def _quantiles(values: AnyArray, mine: Mask, *shares: float) -> list[float | None]:
     """Quantiles of the finite values of some rows; None without any."""
     known = values[mine & np.isfinite(values)]
     if known.size == 0:

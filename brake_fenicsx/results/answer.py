@@ -14,13 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from .accuracy import ErrorRow, SpeedRow, StageRow, error_rows, speed_rows, stage_rows
+from .accuracy import error_rows, speed_rows, stage_rows
 from .ensemble_statistics import Proportion, wilson
 from .run import RunData, read_run
 from .squeal import Family, squeals
 from .tables import Row, RowTable, Value, text_table
 
 USUAL = 0.01  # of the damping ratio -2 Re / |Im| that Abaqus prints
+NAMED = 3  # families in a row of an approach
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,17 +138,12 @@ def limit_rows(run: RunData, approaches: Sequence[str] | None = None) -> list[Li
     return rows
 
 
-def approach_rows(run: RunData, most: int = 3) -> list[ApproachRow]:
-    """One row per approach.
-
-    Args:
-        run: the results.
-        most: number of families named in the last column.
-    """
+def approach_rows(run: RunData) -> list[ApproachRow]:
+    """One row per approach."""
     rows = list[ApproachRow]()
     for approach in run.approaches:
         c = run.squeal.count(approach)
-        families = "; ".join(map(_family_text, run.squeal.families(approach)[:most]))
+        families = "; ".join(map(_family_text, run.squeal.families(approach)[:NAMED]))
         rows.append(ApproachRow.of(
             approach, c.samples, c.failed, c.modes, c.unstable, c.neutral, run.threshold, c.squeal,
             c.squeal_samples, *share_cells(wilson(c.squeal_samples, c.samples)),
@@ -156,19 +152,14 @@ def approach_rows(run: RunData, most: int = 3) -> list[ApproachRow]:
     return rows
 
 
-def family_rows(run: RunData, most: int | None = None) -> list[FamilyRow]:
-    """One row per family of squeal modes, the most severe first.
-
-    Args:
-        run: the results.
-        most: rows of each approach, the most severe ones; all if not given.
-    """
+def family_rows(run: RunData) -> list[FamilyRow]:
+    """One row per family of squeal modes, the most severe first."""
     return [
         FamilyRow.of(
             f.approach, f.number, f.frequency, f.spread, run.threshold, f.share.hits,
             *share_cells(f.share), f.median, f.worst, f.severity,
         )
-        for approach in run.approaches for f in run.squeal.families(approach)[:most]
+        for approach in run.approaches for f in run.squeal.families(approach)
     ]  # fmt: skip
 
 
@@ -194,22 +185,15 @@ def write_tables(directory: str | Path | RunData) -> list[Path]:
         ``speed_and_error.csv``; an empty table is left out.
     """
     run = read_run(directory)
-    tables: dict[str, tuple[type[Row], Sequence[Row]]] = {
-        "approaches": (ApproachRow, approach_rows(run)),
-        "limits": (LimitRow, limit_rows(run)),
-        "families": (FamilyRow, family_rows(run)),
-        "probability_per_band": (BandRow, band_rows(run)),
-        "eigenvalue_errors": (ErrorRow, error_rows(run)),
-        "stages": (StageRow, stage_rows(run.summary)),
-        "speed_and_error": (SpeedRow, speed_rows(run)),
-    }
+    tables: dict[str, Sequence[Row]] = {
+        "approaches": approach_rows(run), "limits": limit_rows(run), "families": family_rows(run),
+        "probability_per_band": band_rows(run), "eigenvalue_errors": error_rows(run),
+        "stages": stage_rows(run.summary), "speed_and_error": speed_rows(run),
+    }  # fmt: skip
     folder = run.directory / "tables"
     folder.mkdir(exist_ok=True)
-    return [
-        RowTable.of(kind, rows).write(folder / f"{name}.csv")
-        for name, (kind, rows) in tables.items()
-        if rows
-    ]
+    written = {name: RowTable.of(type(rows[0]), rows) for name, rows in tables.items() if rows}
+    return [table.write(folder / f"{name}.csv") for name, table in written.items()]
 
 
 def _family_text(f: Family) -> str:

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Index
+
 from .squeal import squeals
 from .stored import StoredSamples
 from .tables import Row, RowTable
@@ -69,14 +71,14 @@ def contact_driver_table(stored: StoredSamples, threshold: float) -> RowTable:
     return RowTable.of(ContactDriver, _maps(stored, threshold))
 
 
-def _squealing(data: dict[str, Any], threshold: float) -> NDArray[np.intp]:
+def _squealing(data: dict[str, Any], threshold: float) -> Index:
     """Places of the squeal modes among those that derivatives were computed for."""
     if "driver_mode" not in data:
         return np.zeros(0, dtype=np.intp)
     return np.flatnonzero(squeals(data, threshold)[data["driver_mode"]])
 
 
-def _numbers(data: dict[str, Any], place: int) -> NDArray:
+def _numbers(data: dict[str, Any], place: int) -> AnyArray:
     """Numbers of a mode for each parameter, shape (parameters, 8).
 
     Frequency, alpha, damping and condition; derivatives of alpha, frequency and damping; 1 where
@@ -91,7 +93,7 @@ def _numbers(data: dict[str, Any], place: int) -> NDArray:
     return np.stack([*(np.broadcast_to(c, d.shape) for c in columns), trusted], axis=1)
 
 
-def _row(place: list[Any], numbers: NDArray, name: tuple[str, str], modes: int) -> Driver:
+def _row(place: list[Any], numbers: AnyArray, name: tuple[str, str], modes: int) -> Driver:
     """A row from its place: approach, sample, family and mode."""
     values = [float(x) for x in numbers]
     trusted = "yes" if values[7] >= 0.5 else "no"
@@ -121,7 +123,7 @@ def _medians(
     approach: str, samples: list[tuple[dict[str, Any], NDArray[np.int32]]], threshold: float
 ) -> Iterator[Driver]:
     """Of the modes of each family, parameters that all of them have."""
-    members: dict[int, list[dict[tuple[str, str], NDArray]]] = {}
+    members: dict[int, list[dict[tuple[str, str], AnyArray]]] = {}
     for data, family in samples:
         for place in _squealing(data, threshold):
             rows = dict(zip(_names(data), _numbers(data, place), strict=True))

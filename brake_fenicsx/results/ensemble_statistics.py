@@ -32,13 +32,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.samples.designs import HARMONICS, RIGID, library_seed, unit_problem
 from brake_fenicsx.scene.samples_section import Plan
-
-Array = NDArray[np.float64]
 
 # Fewest samples for RBD-FAST: twice the harmonics are taken from n / 2 frequencies.
 FEWEST = 60
@@ -93,9 +91,7 @@ def wilson(hits: int, n: int) -> Proportion:
     return Proportion(int(hits), int(n), float(interval.low), float(interval.high))
 
 
-def difference(
-    first: NDArray[np.bool_], second: NDArray[np.bool_], paired: bool
-) -> tuple[float, float, float]:
+def difference(first: Mask, second: Mask, paired: bool) -> tuple[float, float, float]:
     """Difference of two shares, second minus first, with its 95 % interval.
 
     Args:
@@ -111,7 +107,7 @@ def difference(
     return change, float(change - low), float(change + high)
 
 
-def _phi(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:
+def _phi(first: Mask, second: Mask) -> float:
     """Newcombe's phi of a table of four fields, with its correction for continuity."""
     a, b = int(np.sum(first & second)), int(np.sum(first & ~second))
     c, d = int(np.sum(~first & second)), int(np.sum(~first & ~second))
@@ -166,7 +162,7 @@ class Indices:
     filled: int
 
 
-def indices(plan: Plan, x: Array, y: Array, good: NDArray[np.bool_]) -> Indices:
+def indices(plan: Plan, x: Array, y: Array, good: Mask) -> Indices:
     """Indices of one outcome.
 
     Args:

@@ -9,17 +9,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import KDTree
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index, Mask
 from brake_fenicsx.mac import mac
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Index = NDArray[np.intp]
-
 SHAPES = "shapes.npz"
+# Smallest MAC of one mode in two samples or runs.
+LEAST = 0.5
 # Nodes of stored shapes at most: 3 mm apart on average in the reference brake.
 MOST_POINTS = 20_000
 # Part of their planes that two pairs of merging modes share, where they are one pair.
@@ -38,9 +36,7 @@ ALIKE = 0.1
 RESEMBLES = 0.4
 
 
-def same_families(
-    x: Complex, f: Array, y: Complex, g: Array, least: float = 0.5
-) -> list[tuple[int, int, float]]:
+def same_families(x: Complex, f: Array, y: Complex, g: Array) -> list[tuple[int, int, float]]:
     """Pairs of columns of x and y that are one mode: of largest MAC together.
 
     Args:
@@ -48,14 +44,13 @@ def same_families(
         f: their frequencies [Hz].
         y: vectors in the same coordinates, shape (m, others).
         g: their frequencies [Hz].
-        least: smallest MAC of a pair.
 
     Returns:
         Columns of x and of y, and their MAC.
     """
     likeness = np.where(_near(f, g), mac(x, y), 0.0)
     pairs = zip(*linear_sum_assignment(-likeness), strict=True)
-    return [(int(i), int(j), float(likeness[i, j])) for i, j in pairs if likeness[i, j] >= least]
+    return [(int(i), int(j), float(likeness[i, j])) for i, j in pairs if likeness[i, j] >= LEAST]
 
 
 class Onsets:
@@ -111,7 +106,7 @@ class Onsets:
         # Real vectors, of the merging itself, lie in the planes of the others.
         alike: Array = np.zeros((0, family.size))
         for j in np.argsort(-self.sizes, kind="stable"):
-            if not first or alike[:, j].max() < 0.5:
+            if not first or alike[:, j].max() < LEAST:
                 alike = np.vstack([alike, self.like([int(j)], self, True) * _near(f[[j]], f)])
                 first.append(int(j))
             family[j] = np.argmax(alike[:, j])
@@ -132,7 +127,7 @@ def known_numbers(likeness: Array) -> list[int]:
     return numbers
 
 
-def _near(f: Array, g: Array) -> NDArray[np.bool_]:
+def _near(f: Array, g: Array) -> Mask:
     return np.abs(np.log(g[None, :] / f[:, None])) < FARTHEST
 
 
@@ -151,21 +146,13 @@ class ModeFamilies:
         grown: the first growing member of the families that have one, by number.
     """
 
-    def __init__(self, least: float = 0.5, known: ModeFamilies | None = None):
-        """Begin with the families that are known.
-
-        Args:
-            least: smallest MAC of a match.
-            known: families; none if None.
-        """
+    def __init__(self, known: ModeFamilies | None = None):
+        """Begin with the families that are known, or with none."""
         self.vectors: list[Complex] = [] if known is None else [*known.vectors]
         self.frequencies: list[float] = [] if known is None else [*known.frequencies]
         self.grown: dict[int, Complex] = {} if known is None else {**known.grown}
-        self._least = least
 
-    def add(
-        self, shapes: Complex, frequencies: Array, grows: NDArray[np.bool_]
-    ) -> NDArray[np.intp]:
+    def add(self, shapes: Complex, frequencies: Array, grows: Mask) -> Index:
         """Family of each mode of one more sample, shape (modes,).
 
         Args:
@@ -178,15 +165,15 @@ class ModeFamilies:
         family = np.full(X.shape[1], -1)
         every = dict(enumerate(self.vectors))
         if every:
-            likeness = self._likeness(every, X, f)
+            likeness = self._near(every, f) * mac(np.array(self.vectors).T, X)
             grown = self._in_planes(self.grown, X, f, np.flatnonzero(grows))
             # Two families that a growing mode resembles alike: the one that has grown.
             grown[grown < likeness.max(axis=0) - ALIKE] = 0.0
             _match(family, grown, [*self.grown], RESEMBLES)
-            _match(family, likeness, [*every], self._least)
+            _match(family, likeness, [*every], LEAST)
             free = {n: v for n, v in every.items() if n not in family}
             inside = self._in_planes(free, X, f, np.flatnonzero(family < 0), inside=True)
-            _match(family, inside, [*free], self._least)
+            _match(family, inside, [*free], LEAST)
         for j in np.flatnonzero(family < 0):
             family[j] = len(self.vectors)
             self.vectors.append(X[:, j].copy())
@@ -194,10 +181,6 @@ class ModeFamilies:
         for j in np.flatnonzero(grows):
             self.grown.setdefault(int(family[j]), X[:, j].copy())
         return family
-
-    def _likeness(self, known: dict[int, Complex], X: Complex, f: Array) -> Array:
-        """MAC of some families with modes, shape (families, modes): 0 of far frequencies."""
-        return self._near(known, f) * mac(np.array([*known.values()]).T, X)
 
     def _in_planes(
         self, known: dict[int, Complex], X: Complex, f: Array, some: Index, inside: bool = False
@@ -211,7 +194,7 @@ class ModeFamilies:
             like[:, some] = self._near(known, f[some]) * found
         return like
 
-    def _near(self, known: dict[int, Complex], f: Array) -> NDArray[np.bool_]:
+    def _near(self, known: dict[int, Complex], f: Array) -> Mask:
         return _near(np.array([self.frequencies[n] for n in known]), f)
 
 
@@ -227,7 +210,7 @@ def _match(family: Index, likeness: Array, numbers: list[int], least: float) -> 
         likeness[i, :], likeness[:, j] = -1.0, -1.0
 
 
-def family_shapes(places: Array, u: Complex, numbers: Index) -> dict[str, NDArray]:
+def family_shapes(places: Array, u: Complex, numbers: Index) -> dict[str, AnyArray]:
     """Displacements of families at nodes, as arrays to store.
 
     Args:
@@ -257,7 +240,7 @@ def family_shapes(places: Array, u: Complex, numbers: Index) -> dict[str, NDArra
     }  # fmt: skip
 
 
-def shapes_at_dofs(shapes: Mapping[str, NDArray], places: Array) -> Complex:
+def shapes_at_dofs(shapes: Mapping[str, AnyArray], places: Array) -> Complex:
     """Displacements of stored families at the free dofs of another mesh: of the nearest nodes.
 
     Args:

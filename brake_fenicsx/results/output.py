@@ -26,7 +26,7 @@ from .families import SHAPES, family_shapes
 from .probabilities import Ensemble, cause_tables, ensembles, find_causes, probability_facts
 from .run import CAUSES, CONTACT, eigenvalue_errors, read_run, save_tables
 from .stored import PROVEN, StoredSamples
-from .tables import MODES, Row, RowTable, column_writer
+from .tables import Row, RowTable, column_writer
 
 First = Mapping[Task, Mapping[str, Any]]
 
@@ -121,13 +121,13 @@ def _tables(study: Study) -> tuple[First, dict[str, Any], list[Ensemble] | None]
     }
     save_tables(study.store, CONTACT, {"contact": tables["contact"].columns})
     if "stability" in scene.stages:
-        with column_writer(path("modes.csv"), MODES) as write:
+        with column_writer(path("modes.csv"), [*stored.modes], stored.modes.rows) as write:
             for part in stored.modes.parts():
                 write(part)
         _keep_families(study, stored)
-    if stability is not None and study.drivers is not None:
-        tables["drivers"] = driver_table(stored, stability.threshold)
-        tables["drivers_contact"] = contact_driver_table(stored, stability.threshold)
+    if (of_modes := study.models.stability) is not None and of_modes.drivers:
+        tables["drivers"] = driver_table(stored, of_modes.threshold)
+        tables["drivers_contact"] = contact_driver_table(stored, of_modes.threshold)
     for extra in named(scene) if stability is not None else ():
         if extra.make_tables:
             tables |= load(extra.make_tables)(stored)
@@ -214,10 +214,11 @@ def _approach(
 
     about: dict[str, Any] = {"good": len(rows)}
     if kinds := values("count_kind"):
+        said = {PROVEN: "", "counted": "not proven: "}.get(kinds[0], f"{kinds[0]}: ")
         mine = np.asarray(stored.modes["approach"] == name)
         verdict = stored.modes["verdict"][mine]
         about |= {
-            "modes": int(mine.sum()), "counted_by": _sentence(kinds[0], values("counted")[0]),
+            "modes": int(mine.sum()), "counted_by": said + values("counted")[0],
             "not_complete": sum(kind != PROVEN for kind in kinds),
             "tolerance_missed": sum(map(int, values("tolerance_missed"))),
             "largest_error": float(np.fmax.reduce(eigenvalue_errors(stored.modes)[mine],
@@ -234,11 +235,6 @@ def _approach(
         about["seconds_per_equilibrium"] = float(np.median(values("equilibrium_seconds")))
         about["newton_iterations"] = float(np.median(values("equilibrium_iterations")))
     return about
-
-
-def _sentence(kind: str, how: str) -> str:
-    """What the summary says of how the modes of a sample were counted."""
-    return how if kind == PROVEN else f"{'not proven' if kind == 'counted' else kind}: {how}"
 
 
 def verification(study: Study) -> dict[str, Any]:

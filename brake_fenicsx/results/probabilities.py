@@ -31,8 +31,8 @@ from typing import TYPE_CHECKING, Any
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.samples.designs import RIGID
 from brake_fenicsx.scene.samples_section import Samples
@@ -44,7 +44,6 @@ from .tables import Row, RowTable
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = NDArray[np.float64]
 
 MOST_FAMILIES = 20  # looked at, the most severe first
 ROUGHNESS = "roughness"  # as an input: laws and critical gaps
@@ -176,7 +175,7 @@ class Ensemble:
     approach: str
     names: tuple[str, ...]
     x: Array
-    good: NDArray[np.bool_]
+    good: Mask
     outcomes: tuple[Outcome, ...]
     threshold: float = 0.0
     causes: list[Causes] = field(default_factory=list)

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from brake_fenicsx.arguments import likely
+from brake_fenicsx.arguments import AnyArray, Array, likely
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import extras, load
 from brake_fenicsx.folder.arrays import read_npz, reading
@@ -27,7 +26,7 @@ from .tables import Columns
 if TYPE_CHECKING:
     import pandas as pd
 
-Arrays = dict[str, NDArray]
+Arrays = dict[str, AnyArray]
 
 # Names of approaches as a person reads them, the simplest first.
 APPROACHES = {
@@ -88,7 +87,7 @@ class RunData:
         return SquealTable(self.modes, self.samples, self.threshold)
 
     @cached_property
-    def errors(self) -> NDArray[np.float64]:
+    def errors(self) -> Array:
         """Errors of the eigenvalues over |lambda|, shape (n_modes,); nan of rigid modes."""
         return eigenvalue_errors(self.modes) if self.modes is not None else np.zeros(0)
 
@@ -173,7 +172,7 @@ class RunData:
         return APPROACHES.get(approach, approach)
 
 
-def eigenvalue_errors(modes: Columns) -> NDArray[np.float64]:
+def eigenvalue_errors(modes: Columns) -> Array:
     """Error estimates of the eigenvalues of a table over |lambda|; nan of rigid modes."""
     from brake_fenicsx.stability.modes import relative_errors
 
@@ -191,7 +190,7 @@ def sort_approaches(names: set[str]) -> list[str]:
     return known + sorted(names - set(APPROACHES))
 
 
-def scan_heights(surface: Arrays) -> list[NDArray]:
+def scan_heights(surface: Arrays) -> list[AnyArray]:
     """Heights of each scan of a surface [m], shape (nx, ny) each; none with numbers alone."""
     if "heights" not in surface:
         return []
@@ -291,7 +290,7 @@ def read_tables(path: Path) -> dict[str, Columns]:
     Raises:
         SceneError: the file is damaged.
     """
-    tables: dict[str, dict[str, NDArray]] = {}
+    tables: dict[str, dict[str, AnyArray]] = {}
     for name, values in (_arrays(path, ()) or {}).items():
         table, _, column = name.partition("/")
         tables.setdefault(table, {})[column] = values

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.arrays import Arrays
 from brake_fenicsx.folder.sample_files import FOLDER, Task
@@ -86,7 +87,7 @@ class Tabulation:
         }  # fmt: skip
 
     def _of_good(
-        self, data: Mapping[str, Any], members: ModeFamilies, squealing: dict[int, NDArray]
+        self, data: Mapping[str, Any], members: ModeFamilies, squealing: dict[int, AnyArray]
     ) -> Arrays:
         """Families of the modes of a good sample."""
         if "s" not in data:
@@ -156,7 +157,7 @@ class SampleBlock:
         self._columns = columns
         self._shapes = dict(zip(map(str, columns["names"]), columns["shapes"], strict=True))
 
-    def beside(self, name: str) -> NDArray:
+    def beside(self, name: str) -> AnyArray:
         """A copy of an array of the block itself, beside those of its samples."""
         # All columns share the bytes of their file, which what is kept must not hold.
         return self._columns[name].copy()
@@ -174,13 +175,13 @@ class SampleBlock:
         shapes = self._shapes[name]
         return np.where(shapes[:, 0] < 0, 0, shapes[:, 1:].prod(axis=1, dtype=np.int64))
 
-    def column(self, name: str) -> NDArray:
+    def column(self, name: str) -> AnyArray:
         """Values of all samples that have the array, one after the other, shape (values,)."""
         values = self._columns[name]
         words = self._columns.get(f"{name}.words")
         return values if words is None else words[values]
 
-    def each(self, name: str) -> list[NDArray | None]:
+    def each(self, name: str) -> list[AnyArray | None]:
         """The array of each sample, in its shape; None of those without."""
         if name not in self:
             return [None] * len(self.tasks)
@@ -235,7 +236,7 @@ class StoredBlocks:
             yield self._made[key]
 
 
-def _packed(rows: Sequence[Mapping[str, NDArray]]) -> Arrays:
+def _packed(rows: Sequence[Mapping[str, AnyArray]]) -> Arrays:
     """Arrays of several samples as one array a name; texts are numbers of words.
 
     ``shapes`` has for each name and sample the number of dimensions, -1 where a sample has no such

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Index, Mask
+
 from .ensemble_statistics import Proportion, wilson
 from .tables import MODES, TEXTS, Columns
 
@@ -75,7 +77,7 @@ class ApproachCount:
     neutral: int
     squeal: int
     squeal_samples: int
-    per_sample: NDArray
+    per_sample: AnyArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,10 +165,10 @@ class SquealTable:
         rows = self._samples[self._samples.approach == approach]
         return np.unique(rows["sample"][rows.status == "ok"]).astype(np.int64)
 
-    def of_good(self, approach: str) -> NDArray[np.bool_]:
+    def of_good(self, approach: str) -> Mask:
         """Which rows of modes.csv are modes of samples that ended well, shape (modes,)."""
 
-        def chosen() -> NDArray[np.bool_]:
+        def chosen() -> Mask:
             good, sample = self.good(approach), np.asarray(self._modes["sample"], dtype=np.int64)
             known = np.zeros(1 + max(sample.max(initial=0), good.max(initial=0)), dtype=bool)
             known[good] = True
@@ -249,7 +251,7 @@ class SquealTable:
         return chosen
 
     @cached_property
-    def edges(self) -> NDArray[np.float64]:
+    def edges(self) -> Array:
         """Edges [Hz] of equal frequency bands over all modes: at most 20, of a round width."""
         f = self._modes["frequency_hz"]
         top = float(f.max()) if len(f) else 1.0
@@ -257,7 +259,7 @@ class SquealTable:
         width = float(decades[decades * MOST_BANDS >= top].min())
         return width * np.arange(np.ceil(top / width * (1 - 1e-12)) + 1.0, dtype=float)
 
-    def bands(self, approach: str) -> NDArray[np.intp]:
+    def bands(self, approach: str) -> Index:
         """Band of each squeal mode, between the edges; the last one includes its upper edge."""
         edges = self.edges
         place = np.searchsorted(edges, self.squeal_modes(approach).frequency_hz, side="right") - 1

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 
@@ -22,7 +23,6 @@ from .tables import MODES, TEXTS, Columns, Value, as_array, ma
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = NDArray[np.float64]
 Data = dict[str, Any]
 
 PROVEN = "proven"  # kind of a count, see ``brake_fenicsx.stability.modes.Count``
@@ -139,7 +139,7 @@ class StoredSamples:
         return columns
 
     @property
-    def samples(self) -> dict[str, NDArray]:
+    def samples(self) -> dict[str, AnyArray]:
         """The same as arrays, shape (samples,)."""
         return {name: as_array(values, name in TEXTS) for name, values in self.rows.items()}
 
@@ -163,7 +163,7 @@ class StoredSamples:
                     yield task, data, numbers[data.pop("family")]
 
     @property
-    def squealing_members(self) -> dict[int, NDArray[np.complex128]]:
+    def squealing_members(self) -> dict[int, Complex]:
         """Vector of the first mode that squeals of each family, by its number."""
         return {n: self._squealing[n].astype(complex) for n in sorted(self._squealing)}
 
@@ -180,7 +180,7 @@ class StoredModes(Mapping[str, Any]):
 
     def __init__(
         self, blocks: StoredBlocks, families: list[NDArray[np.int32]], layers: Sequence[str]
-    ):  # fmt: skip
+    ):
         """Take the blocks.
 
         Args:
@@ -199,6 +199,11 @@ class StoredModes(Mapping[str, Any]):
     def any(self) -> bool:
         """Whether a sample has modes."""
         return any("s" in block for block in self._blocks)
+
+    @property
+    def rows(self) -> int:
+        """Number of modes of all samples."""
+        return sum(int(block.sizes("s").sum()) for block in self._blocks if "s" in block)
 
     def parts(self) -> Iterator[Columns]:
         """Columns of each block that has modes; masked values are empty cells."""
@@ -234,7 +239,7 @@ class StoredModes(Mapping[str, Any]):
         return len(self._names)
 
 
-def _categories(parts: list[NDArray]) -> pd.Categorical:
+def _categories(parts: list[AnyArray]) -> pd.Categorical:
     import pandas as pd
     from pandas.api.types import union_categoricals
 
@@ -263,7 +268,7 @@ def _mode_columns(
             np.concatenate([np.full(n, np.nan) if a is None else a[i] for a, n in pairs])
         )
 
-    def stored(name: str) -> Callable[[], NDArray]:
+    def stored(name: str) -> Callable[[], AnyArray]:
         return lambda: block.column(name)
 
     return {

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, fields
 from importlib import import_module
 from pathlib import Path
@@ -19,15 +19,15 @@ from types import ModuleType
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.display import Shown
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.files import whole_file
 
 Value = str | int | float | None
 Columns = Mapping[str, Any]
-Write = Callable[[Mapping[str, NDArray]], None]
+Write = Callable[[Mapping[str, AnyArray]], None]
 
 MODES = (
     "approach", "sample", "mode", "frequency_hz", "real_1_s", "damping", "residual",
@@ -36,7 +36,7 @@ MODES = (
 SAMPLES = ("approach", "sample", "status", "seed")
 TEXTS = ("approach", "status", "complete", "verdict")  # columns of texts of these two
 MANY = 10**5  # rows of the largest table that is always CSV
-GROUP = 2**16  # rows that are written together
+GROUP = 2**16  # rows that are read together
 
 ma: Any = np.ma  # NumPy gives masked arrays no types
 
@@ -91,13 +91,13 @@ class RowTable(Shown):
         return cls(names, cells, (f.name for f in fields(kind) if str(f.type).startswith("str")))
 
     @property
-    def columns(self) -> dict[str, NDArray]:
+    def columns(self) -> dict[str, AnyArray]:
         """Arrays by name, shape (rows,); an empty cell is nan, or "" among texts."""
         values = zip(*self.cells, strict=True) if self.cells else [()] * len(self.names)
         pairs = zip(self.names, values, strict=True)
         return {name: as_array(column, name in self._texts) for name, column in pairs}
 
-    def _columns(self) -> dict[str, NDArray]:
+    def _columns(self) -> dict[str, AnyArray]:
         return self.columns
 
     def write(self, path: str | Path) -> Path:
@@ -105,7 +105,7 @@ class RowTable(Shown):
         return write_rows(path, self.names, self.cells)
 
 
-def as_array(values: Sequence[Value], text: bool = False) -> NDArray:
+def as_array(values: Sequence[Value], text: bool = False) -> AnyArray:
     """Values of a column as an array, shape (rows,).
 
     Args:
@@ -219,45 +219,20 @@ def _cells(
     return cells
 
 
-@contextmanager
-def column_writer(path: Path, columns: Sequence[str] = ()) -> Iterator[Write]:
+def column_writer(path: Path, columns: Sequence[str], rows: int) -> AbstractContextManager[Write]:
     """A table whose rows are given in parts; it appears whole at the end, or not at all.
 
     Args:
         path: the CSV file; beside it ``.parquet`` takes its place beyond MANY rows.
-        columns: heading of a table without rows.
+        columns: names of the columns.
+        rows: number of rows of all parts.
 
     Returns:
         What takes columns by name, arrays of equal length, shape (rows,); masked values are empty
         cells. All parts have the same names.
     """
-    held: list[Mapping[str, NDArray]] = []
-    write: Write | None = None
-    with ExitStack() as files:
-
-        def flush() -> None:
-            nonlocal write
-            if write is None:
-                pyarrow = _pyarrow() if _rows(held) > MANY else None
-                heading = [*held[0]] if held else [*columns]
-                write = files.enter_context(
-                    _csv_columns(path, heading) if pyarrow is None else _parquet(path, pyarrow)
-                )
-            if held:
-                write({
-                    name: (ma if isinstance(v, ma.MaskedArray) else np).concatenate(
-                        [part[name] for part in held])
-                    for name, v in held[0].items()
-                })  # fmt: skip
-                held.clear()
-
-        def take(part: Mapping[str, NDArray]) -> None:
-            held.append(part)
-            if _rows(held) > (MANY if write is None else GROUP):
-                flush()
-
-        yield take
-        flush()
+    pyarrow = _pyarrow() if rows > MANY else None
+    return _csv_columns(path, columns) if pyarrow is None else _parquet(path, pyarrow)
 
 
 def write_csv(path: Path) -> Path | None:
@@ -288,10 +263,6 @@ def _pyarrow() -> ModuleType | None:
     return import_module("pyarrow")
 
 
-def _rows(parts: Sequence[Mapping[str, NDArray]]) -> int:
-    return sum(len(next(iter(part.values()))) for part in parts)
-
-
 @contextmanager
 def _csv_columns(path: Path, heading: Sequence[str]) -> Iterator[Write]:
     with _csv(path, heading) as write:
@@ -300,7 +271,7 @@ def _csv_columns(path: Path, heading: Sequence[str]) -> Iterator[Write]:
 
 @contextmanager
 def _parquet(path: Path, pyarrow: ModuleType) -> Iterator[Write]:
-    def table(columns: Mapping[str, NDArray]) -> Any:
+    def table(columns: Mapping[str, AnyArray]) -> Any:
         arrays = {}
         for name, values in columns.items():
             mask = ma.getmaskarray(values) if isinstance(values, ma.MaskedArray) else None
@@ -311,7 +282,7 @@ def _parquet(path: Path, pyarrow: ModuleType) -> Iterator[Write]:
     target: Any = None
     with whole_file(path.with_suffix(".parquet")) as part, ExitStack() as files:
 
-        def write(columns: Mapping[str, NDArray]) -> None:
+        def write(columns: Mapping[str, AnyArray]) -> None:
             nonlocal target
             rows = table(columns)
             if target is None:

@@ -43,59 +43,50 @@ SHARP = 1e-6
 ALL = "all"
 
 
-@dataclass(frozen=True, slots=True)
-class Drivers:
-    """Derivatives of the unstable modes of any sample of a scene.
+def driver_arrays(
+    equilibria: Equilibria, sample: SampleInput, eq: Equilibrium, first: bool, modes: Modes,
+    partner: Index, reduced: bool,
+) -> dict[str, Any]:  # fmt: skip
+    """Derivatives of a sample's unstable modes, as arrays to store.
 
-    Attributes:
+    Args:
         equilibria: what the equilibria of all samples share.
+        sample: its inputs.
+        eq: its equilibrium.
+        first: whether it is the first one of its approach: with maps, and layers in any case.
+        modes: its modes.
+        partner: flutter partner of each, -1 without one.
+        reduced: whether they are those of the reduced model.
+
+    Returns:
+        ``driver_mode``, ``driver_parameter`` and ``driver_kind``; ``driver_value`` [1/s] and
+        ``driver_trusted``, shape (parameters, modes): not where the vectors have errors beyond
+        ``SHARP``; of the first sample ``driver_map``, d lambda / d ln k [1/s], and
+        ``driver_work`` [-], shape (elements, modes). Nothing where no mode grows.
     """
-
-    equilibria: Equilibria
-
-    def of(
-        self, sample: SampleInput, eq: Equilibrium, first: bool, modes: Modes, partner: Index,
-        reduced: bool,
-    ) -> dict[str, Any]:  # fmt: skip
-        """Derivatives of a sample's unstable modes, as arrays to store.
-
-        Args:
-            sample: its inputs.
-            eq: its equilibrium.
-            first: whether it is the first one of its approach: with maps, and layers in any case.
-            modes: its modes.
-            partner: flutter partner of each, -1 without one.
-            reduced: whether they are those of the reduced model.
-
-        Returns:
-            ``driver_mode``, ``driver_parameter`` and ``driver_kind``; ``driver_value`` [1/s] and
-            ``driver_trusted``, shape (parameters, modes): not where the vectors have errors beyond
-            ``SHARP``; of the first sample ``driver_map``, d lambda / d ln k [1/s], and
-            ``driver_work`` [-], shape (elements, modes). Nothing where no mode grows.
-        """
-        growing = np.flatnonzero((np.array(modes.verdict, str) == "unstable") & (modes.s.imag > 0))
-        if not growing.size:
-            return {}
-        chosen, neighbours = _with_neighbours(modes.s, growing, partner)
-        mirrored = np.isin(partner[chosen], growing) & ~np.isin(chosen, growing)
-        mirrored &= not self.equilibria.models.reduction.damped(sample.approach)
-        table = _Table(self.equilibria, sample, eq, reduced)
-        maps, error = table.fill(first, modes, chosen[~mirrored])
-        # Without damping the partner's eigenvalue is -conj(lambda), and so is its derivative.
-        values = np.zeros((len(table.values), chosen.size), complex)
-        values[:, ~mirrored] = table.values
-        origin = np.searchsorted(chosen, partner[chosen[mirrored]])
-        values[:, mirrored] = -values[:, origin].conj()
-        kept = derivatives.trusted(modes.s[chosen], values, np.array(table.steps), neighbours)
-        own = np.searchsorted(chosen[~mirrored], growing)
-        return {
-            "driver_mode": growing,
-            "driver_parameter": np.array([name for name, _ in table.names], dtype=str),
-            "driver_kind": np.array([kind for _, kind in table.names], dtype=str),
-            "driver_value": np.array(table.values)[:, own],
-            "driver_trusted": kept & (error[own] <= SHARP),
-            **{name: columns[:, own] for name, columns in maps.items()},
-        }
+    growing = np.flatnonzero((np.array(modes.verdict, str) == "unstable") & (modes.s.imag > 0))
+    if not growing.size:
+        return {}
+    chosen, neighbours = _with_neighbours(modes.s, growing, partner)
+    mirrored = np.isin(partner[chosen], growing) & ~np.isin(chosen, growing)
+    mirrored &= not equilibria.models.reduction.damped(sample.approach)
+    table = _Table(equilibria, sample, eq, reduced)
+    maps, error = table.fill(first, modes, chosen[~mirrored])
+    # Without damping the partner's eigenvalue is -conj(lambda), and so is its derivative.
+    values = np.zeros((len(table.values), chosen.size), complex)
+    values[:, ~mirrored] = table.values
+    origin = np.searchsorted(chosen, partner[chosen[mirrored]])
+    values[:, mirrored] = -values[:, origin].conj()
+    kept = derivatives.trusted(modes.s[chosen], values, np.array(table.steps), neighbours)
+    own = np.searchsorted(chosen[~mirrored], growing)
+    return {
+        "driver_mode": growing,
+        "driver_parameter": np.array([name for name, _ in table.names], dtype=str),
+        "driver_kind": np.array([kind for _, kind in table.names], dtype=str),
+        "driver_value": np.array(table.values)[:, own],
+        "driver_trusted": kept & (error[own] <= SHARP),
+        **{name: columns[:, own] for name, columns in maps.items()},
+    }
 
 
 @dataclass(slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +15,7 @@ from brake_fenicsx.arguments import AnyArray, Array
 from brake_fenicsx.build.damping_terms import record
 from brake_fenicsx.build.parametric import ParametricBrake
 from brake_fenicsx.errors import OfOneProcess
+from brake_fenicsx.folder.arrays import Arrays
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.memory import release_memory
@@ -171,18 +172,12 @@ def layer_grams(
         store: the results folder.
         comm: processes of the run.
     """
-    mark = f"{mark} {model.bodies[-1].modes.stop}"
 
-    def make() -> dict[str, Array]:
-        stored = store.load(LAYERS) or {}
-        if str(stored.pop("mark", "")) == mark:
-            return {key.removeprefix("of_"): gram for key, gram in stored.items()}
-        made = {name: model.coordinates(A) for name, A in brake.masses.items()}
-        named = {f"of_{name}": gram for name, gram in made.items()}
-        store.save(LAYERS, mark=np.array(mark), **named)
-        return made
+    def made() -> Arrays:
+        return {f"of_{name}": model.coordinates(A) for name, A in brake.masses.items()}
 
-    return on_first(make, comm)
+    kept = _kept(store, LAYERS, made, comm, f"{mark} {model.bodies[-1].modes.stop}")
+    return {name.removeprefix("of_"): gram for name, gram in kept.items()}
 
 
 def reference_shapes(
@@ -199,15 +194,24 @@ def reference_shapes(
         store: the results folder.
         comm: processes of the run.
     """
+    cutoff = (2 * np.pi * FAMILIES * end) ** 2
+    made = _kept(store, SHAPES, lambda: {"shapes": lowest_modes(factor, M, cutoff).Phi}, comm)
+    return np.asarray(made["shapes"])
 
-    def make() -> Array:
-        if (stored := store.load(SHAPES)) is not None:
-            return np.asarray(stored["shapes"])
-        shapes = lowest_modes(factor, M, (2 * np.pi * FAMILIES * end) ** 2).Phi
-        store.save(SHAPES, shapes=shapes)
-        return shapes
 
-    return np.asarray(on_first(make, comm))
+def _kept(
+    store: Store, file: str, make: Callable[[], Arrays], comm: MPI.Comm, mark: str = ""
+) -> Arrays:
+    """Arrays of a file that has this mark, made and kept where there is none; collective."""
+
+    def kept() -> Arrays:
+        arrays = store.load(file)
+        if arrays is None or str(arrays.pop("mark", "")) != mark:
+            arrays = make()
+            store.save(file, mark=np.array(mark), **arrays)
+        return arrays
+
+    return on_first(kept, comm)
 
 
 def _said(name: str, value: Any) -> str:

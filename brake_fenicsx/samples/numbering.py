@@ -172,13 +172,7 @@ def _mapped(store: Store) -> dict[str, sp.csr_matrix]:
 
 def _equal(there: dict[str, sp.csr_matrix], own: dict[str, sp.csr_matrix]) -> bool:
     """Whether both hold the same matrices, but for round-off."""
-    if there.keys() != own.keys():
-        return False
-    for A, B in ((there[n], own[n]) for n in own):
-        if A.shape != B.shape or A.nnz != B.nnz or not np.array_equal(A.indices, B.indices):
-            return False
-        if np.abs(A.data - B.data).max(initial=0.0) > SAME_ENTRIES * np.abs(B.data).max(
-            initial=0.0
-        ):
-            return False
-    return True
+    return there.keys() == own.keys() and all(
+        there[n].shape == A.shape and abs(there[n] - A).max() <= SAME_ENTRIES * abs(A).max()
+        for n, A in own.items()
+    )

@@ -26,7 +26,7 @@ from brake_fenicsx.folder.log import Progress, logger
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene import Scene, Stability
 from brake_fenicsx.scene.approaches import active_terms, lone_samples, reduced_approaches
 from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies, si_unit
@@ -73,17 +73,27 @@ class ReducedModels(OfOneProcess):
             names = [n for n, r in self.by_reduction.items() if r and self.damped(n) == damped]
             if names:
                 self._reduce(damped, names, k0)
-        settings = self.stability
         for name in lone_samples(self._scene, self._counts):
             logger.info(
                 '%s: one sample, at full order although stability.method = "reduced": a reduced'
                 " model takes longer than one sample, and pays from two on%s",
                 name,
-                "; there is nothing to verify" * bool(settings and settings.verify),
+                "; there is nothing to verify" * bool(self.settings.verify),
             )
         special = [n for n in self.full if self.damped(n) or self._changes_bodies(n)]
         if special:
             logger.info("%s: damping or bodies of their own, full order", ", ".join(special))
+
+    @property
+    def settings(self) -> Stability:
+        """How modes are computed.
+
+        Raises:
+            ValueError: the scene has no modes.
+        """
+        if self.stability is None:
+            raise ValueError("a scene without [stability] has no modes")
+        return self.stability
 
     @property
     def full(self) -> list[str]:
@@ -137,7 +147,7 @@ class ReducedModels(OfOneProcess):
         except BrakeError as error:
             if any(self._by_ratio(name) for name in names):
                 raise
-            if self.stability is None or self.stability.on_tolerance != "full order":
+            if self.settings.on_tolerance != "full order":
                 raise SceneError(
                     f'{self._scene.file}: stability.method = "reduced": {error}; write'
                     ' stability.method = "full", or allow full order, which may cost a hundred'
@@ -152,7 +162,7 @@ class ReducedModels(OfOneProcess):
                 "damping, modal: exact for the modes of the parts up to %.0f Hz; beyond, damping in"
                 " proportion to M and K",
                 model.complete_up_to,
-            )  # fmt: skip
+            )
         self.facts["damped_model" if damped else "reduced_model"] = {
             "kept_modes": model.bodies[-1].modes.stop,
             "bodies": len(model.bodies),
@@ -165,9 +175,7 @@ class ReducedModels(OfOneProcess):
         self, model: substructures.ReducedModel, usual: substructures.ContactLinearisation
     ) -> dict[str, str | float]:
         """Say before the samples where their modes will miss the tolerance; for the summary too."""
-        settings, box = self.stability, self._brake.changes.box
-        if settings is None or not box.names:
-            return {}
+        settings, box = self.settings, self._brake.changes.box
         lacking = self._comm.bcast(substructures.shortfall(model, usual, settings.tolerance))
         if lacking is None:
             return {}
@@ -191,9 +199,7 @@ class ReducedModels(OfOneProcess):
         self, damped: bool, file: str, usual: substructures.ContactLinearisation
     ) -> substructures.ReducedModel:
         """A reduced model, from the folder where it is there."""
-        stability, brake = self.stability, self._brake
-        if stability is None:
-            raise ValueError("a scene without [stability] has no modes")
+        stability, brake = self.settings, self._brake
         band = stability.band[0], stability.band[1]
         changing = any(self._changes_bodies(n) for n in self.by_reduction)
         parameters = brake.changes.parameters if changing else substructures.CONSTANT
@@ -219,9 +225,9 @@ class ReducedModels(OfOneProcess):
 
     def _cutoff(self, parameters: substructures.Parameters) -> float | None:
         """Cutoff of the scene [Hz]; higher by itself where extras ask for it."""
-        settings, widest = self.stability, widest_band(self._scene)
-        if settings is None or settings.cutoff or not widest:
-            return settings.cutoff if settings else None
+        settings, widest = self.settings, widest_band(self._scene)
+        if settings.cutoff or not widest:
+            return settings.cutoff
         return float(widest / np.sqrt(parameters.softening)) * settings.band[1]
 
     def _kept(self, file: str, made: dict[str, AnyArray]) -> dict[str, AnyArray]:
@@ -239,16 +245,14 @@ class ReducedModels(OfOneProcess):
         scene, stability = self._scene, self._scene.table.get("stability", {})
         ends = [[*end] for end in zip(box.names, box.low, box.high, strict=True)]
         acts = [stability.get("damping"), scene.table.get("motion")] if damped else None
-        settings = self.stability
-        accuracy = None if settings is None else [settings.tolerance, settings.cutoff]
-        if accuracy and (widest := widest_band(scene)):
+        accuracy = [self.settings.tolerance, self.settings.cutoff]
+        if widest := widest_band(scene):
             accuracy.append(widest)
         return [LAYOUT, ends, acts, accuracy]
 
     def depends(self, more: list[Any]) -> list[Any]:
         """What files that folders share depend on."""
-        band = None if self.stability is None else [*self.stability.band]
-        return [bodies_key(self._scene), self.mark, band, *more]
+        return [bodies_key(self._scene), self.mark, [*self.settings.band], *more]
 
     def _known(self, file: str) -> dict[str, AnyArray] | None:
         """What an earlier run left: processes of a machine hold the large arrays once; collective.

@@ -57,6 +57,9 @@ class Roughness:
     waviness: Waviness | None = None
 
 
+SMOOTH = Roughness()
+
+
 @dataclass(frozen=True, slots=True)
 class SampleInput:
     """One sample, before its equilibrium is known.
@@ -99,10 +102,8 @@ def draw_sample(
     approach: str,
     k: int,
     at: Callable[[Values], BrakeAt],
-    library: Laws | None,
-    hdf: HeightDistribution | None,
+    rough: Roughness = SMOOTH,
     point: Array | None = None,
-    waviness: Waviness | None = None,
     zones: Mapping[str, Roughness] = MappingProxyType({}),
 ) -> SampleInput:
     """Sample ``k`` of an approach.
@@ -115,10 +116,8 @@ def draw_sample(
         k: number of the sample.
         at: the brake at some values; interfaces, sliding speeds, centres and normals of its contact
             elements are used.
-        library: the laws, where the scene asks for them.
-        hdf: height distribution, where critical gaps are drawn from it.
+        rough: what is drawn of the surface, as far as the scene asks for it.
         point: the sample's point of a design, shape (inputs,); None: drawn from its own stream.
-        waviness: field of the mean heights of patches, where critical gaps are drawn from it.
         zones: interfaces that have a surface of their own.
 
     Raises:
@@ -136,7 +135,7 @@ def draw_sample(
     else:
         # Each kind of draw has its own child, so that naming one does not change the others.
         streams = _streams(sample_seed(scene.samples.seed, shared))
-        laws = _rough(brake, Roughness(library, hdf, waviness), zones, (streams[0], streams[1]))
+        laws = _rough(brake, rough, zones, (streams[0], streams[1]))
     friction = friction_of_contact(brake.contact, approach, drawn)
     return SampleInput(approach, seed, brake, laws, friction, rejected)
 

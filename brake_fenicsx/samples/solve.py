@@ -15,7 +15,6 @@ from brake_fenicsx.arguments import Array, Complex, Index
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.log import logger, spared
 from brake_fenicsx.macro.equilibrium import Equilibrium
-from brake_fenicsx.scene import Stability
 from brake_fenicsx.stability import Modes, complex_modes, contact_interface
 from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.modes import relative_errors
@@ -54,7 +53,7 @@ def modes_of_sample(
     """
     if not by_reduction:
         return _full(models, sample, eq, more, comm)
-    settings = _settings(models)
+    settings = models.reduction.settings
     fall_back = settings.on_tolerance == "full order"
     try:
         modes = reduced_modes(models, sample, eq)
@@ -90,7 +89,7 @@ def reduced_modes(
     """
     contact = linearised(sample, eq.k_vibration, eq.p)
     model = models.reduction.of(sample.approach)
-    given = sample.brake.point, contact, _settings(models).zeta_max
+    given = sample.brake.point, contact, models.reduction.settings.zeta_max
     return model.modes(*given) if line is None else line.modes(model, *given)
 
 
@@ -98,7 +97,7 @@ def full_modes(
     models: Models, sample: SampleInput, eq: Equilibrium, comm: MPI.Comm = MPI.COMM_SELF
 ) -> Modes:
     """The same at full order, vectors on all dofs; shared by two processes of a communicator."""
-    brake, mu, settings = sample.brake, sample.friction.mu, _settings(models)
+    brake, mu, settings = sample.brake, sample.friction.mu, models.reduction.settings
     b, k = brake.contact, eq.k_vibration
     friction = contact_interface(b.N, b.T, b.w * k, mu) if mu.any() else None
     K = tangent(brake.K, b.N, b.T, b.w, k, mu)
@@ -157,12 +156,6 @@ def displacements(
     return [out[i] for i in range(len(modes))]
 
 
-def _settings(models: Models) -> Stability:
-    if models.stability is None:
-        raise ValueError("a scene without [stability] has no modes")
-    return models.stability
-
-
 def _full(
     models: Models, sample: SampleInput, eq: Equilibrium, more: Sequence[More] = (),
     comm: MPI.Comm = MPI.COMM_SELF,
@@ -171,7 +164,7 @@ def _full(
     modes = full_modes(models, sample, eq, comm)
     mass = None if sample.brake.C(sample.friction, eq.p) is None else sample.brake.M
     grown = np.flatnonzero(np.array(modes.verdict, str) == "unstable")
-    tolerance, masses = _settings(models).tolerance, models.brake.masses
+    tolerance, masses = models.reduction.settings.tolerance, models.brake.masses
     out = {
         **_stored(modes, tolerance, mass, masses, more, False),
         "vectors": modes.right[:, grown].astype(np.complex64), "vector_mode": grown,

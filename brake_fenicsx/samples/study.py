@@ -24,15 +24,12 @@ from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.braking import reference_stiffness
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.macro.gap import EnrichedGap
-from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures.parameter_line import Basis
-from brake_fenicsx.surface.hdf import HeightDistribution
-from brake_fenicsx.surface.waviness import Waviness
 
-from .drivers import Drivers
+from .drivers import driver_arrays
 from .ensemble import run_ensemble
 from .equilibria import Equilibria
 from .forces import forces_of_sample, mean_friction, moved
@@ -56,12 +53,10 @@ class Study(OfOneProcess):
         self,
         scene: Scene,
         brake: Brake,
-        library: Laws | None,
-        hdf: HeightDistribution | None,
+        rough: Roughness,
         store: Store,
         comm: MPI.Comm,
         cache: SharedCache | None = None,
-        waviness: Waviness | None = None,
         zones: Mapping[str, Roughness] | None = None,
     ):
         """Collect what the samples need.
@@ -69,20 +64,16 @@ class Study(OfOneProcess):
         Args:
             scene: the scene.
             brake: its operators.
-            library: pressure-gap laws, if the scene makes any.
-            hdf: height distribution, if the scene has a surface.
+            rough: what the scene makes of its surface.
             store: the results folder.
             comm: processes that share the samples.
             cache: what the folder shares with others; nothing if None.
-            waviness: mean heights of patches, where critical gaps are drawn from them.
             zones: interfaces that have a surface of their own.
         """
+        self.rough: Roughness = rough
         self.zones: Mapping[str, Roughness] = zones or {}
-        self.waviness = waviness
         self.scene: Scene = scene
         self.brake: Brake = brake
-        self.library: Laws | None = library
-        self.hdf: HeightDistribution | None = hdf
         self.store: Store = store
         self.comm: MPI.Comm = comm
         self.facts: dict[str, Any] = {}
@@ -98,7 +89,6 @@ class Study(OfOneProcess):
         # Vectors of the families, once the tables are written; on one process.
         self.families: Complex | None = None
         self.squealing: list[int] = []
-        self.drivers: Drivers | None = None
         self.beside: dict[str, Any] = {}  # what extras compute -> the work
         reduced = self.models.reduction.by_reduction
         self.verified: str = next((name for name in approaches if reduced[name]), "")
@@ -117,8 +107,6 @@ class Study(OfOneProcess):
         k0 = float(f"{reference_stiffness(self._reference_laws(), pressure):.1e}")
         models.prepare(np.full(len(brake.w), k0))
         self.facts |= {"reference_stiffness_Pa_per_m": k0, **models.facts}
-        if models.stability is not None and models.stability.drivers:
-            self.drivers = Drivers(self.equilibria)
         if models.stability is not None:
             works = beside_samples(self.scene)
             self.beside = {what: load(name)(self.scene, models) for what, name in works.items()}
@@ -192,7 +180,7 @@ class Study(OfOneProcess):
                 "mean_mu": mean_friction(self.brake.contact, sample.friction.mu),
                 "random_names": np.array(names, dtype=str),
                 "random": np.array([sample.values[n] for n in names]),
-            }  # fmt: skip
+            }
             if sample.values:
                 known["rejected"] = sample.rejected
             return known | self._solved(task, sample, comm)
@@ -236,8 +224,9 @@ class Study(OfOneProcess):
         out["forces"] = forces_of_sample(self.scene, contact, eq.p, sample.friction.mu)
         if models.stability is not None:
             more: list[More] = []
-            if self.drivers is not None and own and comm.rank == 0:
-                more.append(("drivers", partial(self.drivers.of, sample, eq, k == 0)))
+            if models.stability.drivers and own and comm.rank == 0:
+                given = self.equilibria, sample, eq, k == 0
+                more.append(("drivers", partial(driver_arrays, *given)))
             extras = self.beside.items() if own and comm.rank == 0 else ()
             more += [(what, partial(work.of, sample, eq)) for what, work in extras]
             out |= modes_of_sample(models, sample, eq, reduced, more, comm)
@@ -331,19 +320,16 @@ class Study(OfOneProcess):
         """
         if task not in self._drawn:
             (approach, k), points = task, self.points[task[0]]
-            drawn = draw_sample(
-                self.scene, approach, k, self.models.brake.at, self.library, self.hdf,
-                None if points is None else points[k], self.waviness, self.zones,
-            )  # fmt: skip
+            point = None if points is None else points[k]
+            given = self.scene, approach, k, self.models.brake.at, self.rough, point
+            drawn = draw_sample(*given, self.zones)
             self._drawn = {task: drawn}
         drawn = self._drawn[task]
         return at_values(drawn, values) if values else drawn
 
-    def balance(
-        self, sample: SampleInput, reduced: bool = False, start: Array | None = None
-    ) -> Equilibrium:
+    def balance(self, sample: SampleInput, reduced: bool = False) -> Equilibrium:
         """Braking equilibrium of a sample; see ``Equilibria.of``."""
-        return self.equilibria.of(sample, reduced, start)[1]
+        return self.equilibria.of(sample, reduced)[1]
 
     def stored(self, task: Task) -> dict[str, Any]:
         """What was stored of a sample."""

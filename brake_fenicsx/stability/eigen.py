@@ -137,7 +137,7 @@ def _problem(K: Any, M: Any, frictionless: Any, friction: Interface | None) -> S
     if not np.all(M.data):
         M = M.copy()
         M.eliminate_zeros()
-    if abs(K - K.T).max() <= 1e-12 * abs(K).max():
+    if symmetric.is_symmetric(K):
         return SplitProblem(K, M, K, None, False)
     halved = given is None and friction is None
     if given is None and friction is not None:

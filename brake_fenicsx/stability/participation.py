@@ -15,7 +15,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from brake_fenicsx.arguments import Array, Complex, Index, Mask
 from brake_fenicsx.errors import SceneError
@@ -35,36 +34,23 @@ def energy_shares(parts: Mapping[str, Any], phi: Complex) -> dict[str, Array]:
 
     Args:
         parts: name -> mass [kg] or stiffness [N/m] of the part on all dofs, symmetric and positive
-            semi-definite: SciPy sparse, dense, or the diagonal of a lumped one, shape (dofs,).
+            semi-definite, sparse or dense, shape (dofs, dofs).
         phi: displacements of the modes, shape (dofs, modes), or coordinates with matrices of these.
 
     Returns:
         For each part the shares [-], shape (modes,); they sum to one.
 
     Raises:
-        SceneError: no part, a matrix of another size, or a mode without any energy.
+        SceneError: a mode has no energy in any part.
     """
-    if not parts:
-        raise SceneError("participation: no part is named")
-    for name, A in parts.items():
-        if A.shape[0] != phi.shape[0]:
-            raise SceneError(
-                f"participation: part {name} has {A.shape[0]} dofs, the modes {phi.shape[0]}"
-            )
-    energy = {name: _energy(A, phi) for name, A in parts.items()}
+    energy = {
+        name: np.maximum(np.einsum("im,im->m", phi.conj(), A @ phi).real, 0.0)
+        for name, A in parts.items()
+    }
     total = np.sum(list(energy.values()), axis=0)
     if not np.all(total > 0):
-        raise SceneError(
-            f"participation: mode {int(np.argmin(total))} has no energy in any part that is named"
-        )
+        raise SceneError(f"participation: mode {int(np.argmin(total))} has no energy in any part")
     return {name: e / total for name, e in energy.items()}
-
-
-def _energy(A: Any, phi: Complex) -> Array:
-    """phi^H A phi of each mode."""
-    A = A if sp.issparse(A) else np.asarray(A)
-    image = A[:, None] * phi if A.ndim == 1 else A @ phi
-    return np.asarray(np.maximum(np.einsum("im,im->m", phi.conj(), image).real, 0.0))
 
 
 def flutter_partners(s: Complex) -> Index:

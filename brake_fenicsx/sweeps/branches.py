@@ -12,15 +12,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brake_fenicsx.arguments import Complex
 from brake_fenicsx.errors import NotConverged
 
 from .matching import Match, conjugate_pair, match
 from .state import State
-
-Array = NDArray[np.float64]
 
 Solve = Callable[[float], State]
 
@@ -69,7 +66,6 @@ class Followed:
         merged: state before, and the two branches that are a conjugate pair after it.
         split: state before, and the two branches that are a pair until there.
         jumps: states before which modes jumped.
-        solves: values at which modes were computed.
         stopped: why the values beyond the last state have no modes; empty if they have.
     """
 
@@ -78,21 +74,11 @@ class Followed:
     merged: list[tuple[int, int, int]] = field(default_factory=list)
     split: list[tuple[int, int, int]] = field(default_factory=list)
     jumps: list[int] = field(default_factory=list)
-    solves: int = 0
     stopped: str = ""
 
     def at(self, branch: Branch, state: int) -> int:
         """Mode of a branch in a state."""
         return branch.modes[state - branch.states[0]]
-
-    def s(self, branch: Branch) -> Complex:
-        """Eigenvalues of a branch [1/s], shape (its states,)."""
-        pairs = zip(branch.states, branch.modes, strict=True)
-        return np.array([self.states[i].s[m] for i, m in pairs])
-
-    def x(self, branch: Branch) -> Array:
-        """Values of the parameter of a branch, shape (its states,)."""
-        return np.array([self.states[i].x for i in branch.states])
 
 
 def follow(solve: Solve, values: Sequence[float], band: tuple[float, float]) -> Followed:
@@ -117,9 +103,9 @@ def follow(solve: Solve, values: Sequence[float], band: tuple[float, float]) -> 
             # How fast gaps change at the first value: where modes meet within the first step.
             start, next_ = values[:2]
             step = min(0.5 * JUMP * abs(values[-1] - start), 0.5 * abs(next_ - start))
-            work.advance(work.solved(start + np.copysign(step, next_ - start)))
+            work.advance(solve(start + np.copysign(step, next_ - start)))
         for x in values[1:]:
-            work.advance(work.solved(x))
+            work.advance(solve(x))
     except NotConverged as error:
         work.stop(str(error))
     return work.done
@@ -136,12 +122,8 @@ class _Follower:
         # The step from the last state that was halved at last.
         self._beyond: Match | None = None
 
-    def solved(self, x: float) -> State:
-        self.done.solves += 1
-        return self._solve(x)
-
     def begin(self, x: float) -> None:
-        first = self.solved(x)
+        first = self._solve(x)
         self.done.states.append(first)
         for mode in range(first.s.size):
             self._found(0, mode, FIRST)
@@ -170,7 +152,7 @@ class _Follower:
                 self._smallest = max(2 * LEAST, wider * self._smallest)
             else:
                 self._beyond = matching
-                ahead.append(self.solved(a.x + between * (b.x - a.x)))
+                ahead.append(self._solve(a.x + between * (b.x - a.x)))
 
     def _between(self, matching: Match) -> float | None:
         """Place of a step, 0 to 1, where modes are needed too; None where it can be taken.

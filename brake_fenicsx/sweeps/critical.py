@@ -13,12 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import binom
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

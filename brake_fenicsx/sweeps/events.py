@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from brake_fenicsx.arguments import Complex
@@ -23,8 +22,6 @@ from brake_fenicsx.arguments import Complex
 from .branches import Branch, Followed, Solve
 from .matching import conjugate_pair, squared_distance
 from .state import State, group_likeness
-
-Array = NDArray[np.float64]
 
 MERGING, SPLITTING = "merging", "splitting"
 ONSET, END = "onset of squeal", "end of squeal"

@@ -7,14 +7,11 @@ from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from brake_fenicsx.arguments import Complex
 
 from .state import State, group_likeness, likeness
-
-Index = NDArray[np.intp]
 
 # A mode continues another where their likeness differs from 1 by less, and no other mode is
 # likelier than the rest.

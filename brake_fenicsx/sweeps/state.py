@@ -18,14 +18,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.arguments import Complex
+from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.mac import mac
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures.parameter_line import Basis
 
-Array = NDArray[np.float64]
 # Equilibria that are kept as starts.
 KEPT = 8
 

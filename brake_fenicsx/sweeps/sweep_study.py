@@ -7,7 +7,6 @@ where each family begins to squeal.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -23,10 +22,10 @@ from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene.samples_section import ROUGH
 from brake_fenicsx.scene.units import several
 
-from .branches import CUT, FIRST, Followed, follow
+from .branches import CUT, follow
 from .events import find_events
+from .followed import StoredLine, line_arrays
 from .state import Points
-from .stored_line import StoredLine, line_arrays
 
 # Accuracy of an event relative to the range.
 FINE = 1e-4
@@ -73,7 +72,6 @@ class SweepStudy:
         self.samples: list[Task] = [(rough, k) for k in range(most)]
         # Lines of another sweep in the same folder are other files.
         mark = digest([study.scene.table.get("sweep"), stability.threshold])[:8]
-        self._columns: dict[str, Followed] = {}
         self._name = {"own": f"sweep-{mark}-own", "sample": f"sweep-{mark}"}
 
     def run(self) -> None:
@@ -137,30 +135,15 @@ class SweepStudy:
         solve = Points(self.study, (approach, k), self.key, ends=ends)
         followed = follow(solve, self.coarse, self._band)
         events = find_events(followed, solve, self.threshold, FINE, onsets_alone=True)
-        return line_arrays(followed, events, list(range(len(followed.branches))))
+        return line_arrays(followed, events)
 
     def _own_line(self, approach: str, line: int) -> dict[str, Any]:
-        fixed = self._scene_values(approach)
-        key, second = self.key, self._second
-        numbers: list[int] | None = None
-        if second is not None:
-            # Branches of all lines are named as those of the first value of the first parameter.
-            column = self._first_column(approach, fixed | {key: self.values[0]}) if line else None
-            fixed[second] = self.second[line]
-            numbers = None if column is None else _branches_at(column, fixed[second])
-        ends = self.values[0], self.values[-1]
-        solve = Points(self.study, (approach, 0), key, fixed, ends)
+        fixed, ends = self._scene_values(approach), (self.values[0], self.values[-1])
+        if self._second is not None:
+            fixed[self._second] = self.second[line]
+        solve = Points(self.study, (approach, 0), self.key, fixed, ends)
         followed = follow(solve, self.values, self._band)
-        events = find_events(followed, solve, self.threshold, FINE)
-        return line_arrays(followed, events, _numbered(followed, numbers))
-
-    def _first_column(self, approach: str, fixed: Mapping[str, float]) -> Followed:
-        """The second parameter at the first value of the first; once for all lines."""
-        if approach not in self._columns:
-            ends = self.second[0], self.second[-1]
-            across = Points(self.study, (approach, 0), str(self._second), fixed, ends)
-            self._columns[approach] = follow(across, self.second, self._band)
-        return self._columns[approach]
+        return line_arrays(followed, find_events(followed, solve, self.threshold, FINE))
 
     def _scene_values(self, approach: str) -> dict[str, float]:
         """The scene's own values of what is random in the samples of an approach."""
@@ -168,25 +151,6 @@ class SweepStudy:
         if not scene.samples.takes_random(approach):
             return {}
         return {name: nominal_value(scene, name) for name in scene.samples.random}
-
-
-def _branches_at(column: Followed, x: float) -> list[int] | None:
-    """Branch of every mode at a value; None where the column ends before."""
-    for n, state in enumerate(column.states):
-        if state.x == x:
-            modes = {column.at(b, n): b.number for b in column.branches if n in b.states}
-            return [modes[mode] for mode in sorted(modes)]
-    return None
-
-
-def _numbered(followed: Followed, first: list[int] | None) -> list[int]:
-    """Number of each branch: of those of the first value as given, of others beyond all."""
-    begun = [b for b in followed.branches if b.begin == FIRST]
-    if first is None or len(begun) != len(first):
-        return list(range(len(followed.branches)))
-    beyond = max(first, default=-1) + 1
-    later = len(followed.branches) - len(begun)
-    return [*first, *range(beyond, beyond + later)]
 
 
 def cut_branches(line: StoredLine, squeal: float | None = None) -> int:

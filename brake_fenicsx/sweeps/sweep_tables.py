@@ -25,7 +25,7 @@ from brake_fenicsx.scene.scalars import si_unit
 
 from .critical import Critical, critical_values
 from .events import FROM_FIRST, MERGING, ONSET
-from .stored_line import StoredLine
+from .followed import StoredLine
 from .sweep_study import SweepStudy, cut_branches
 
 # A mode that begins to squeal takes the number of a family that squeals in the samples, unless it
@@ -281,7 +281,7 @@ class SweepTables:
                 cut_branches(line, self._sweep.threshold if kind == "sample" else None)
                 for _, _, kind, line in self._lines()
             ),
-        }  # fmt: skip
+        }
         if critical:
             # JSON has no infinity, the value of a median beyond the sweep.
             median, low, high = (v if np.isfinite(v) else None for v in critical[0].quantile(0.5))

@@ -17,9 +17,7 @@ COMM = MPI.COMM_SELF
 
 def test_squeal_that_comes_back_beyond_the_smallest_change():
     """The brake is stable only between 0.3 and 0.5 of the range: the first border is found."""
-    found = smallest_change(
-        lambda x: iter([not 0.3 <= x <= 0.5] * 40), (0.0, 1.0), 40, 8, 0.01
-    )  # fmt: skip
+    found = smallest_change(lambda x: iter([not 0.3 <= x <= 0.5] * 40), (0.0, 1.0), 40, 8, 0.01)
     assert 0.3 <= found.value <= 0.31
 
 
@@ -31,9 +29,7 @@ def test_one_sample_must_be_stable_itself():
 
 def test_a_window_narrower_than_a_step_is_not_seen():
     """Stable only in 2 % of the range between two values: reported as "not sufficient"."""
-    found = smallest_change(
-        lambda x: iter([abs(x - 0.44) > 0.01] * 40), (0.0, 1.0), 40, 8, 0.01
-    )  # fmt: skip
+    found = smallest_change(lambda x: iter([abs(x - 0.44) > 0.01] * 40), (0.0, 1.0), 40, 8, 0.01)
     assert found.value is None and found.share.value == 1.0
 
 
@@ -65,4 +61,4 @@ def test_a_single_sample_has_no_families(tmp_path):
     with pytest.raises(SceneError, match="raise samples"):
         module.find_countermeasures(
             BLOCK, COMM, tmp_path, [*ROUGH, "samples.n=1", levers((FRICTION, "0.1"))]
-        )  # fmt: skip
+        )

@@ -1,7 +1,5 @@
 """Hard cases on real meshes, with and without damping, against independent solvers."""
 
-from pathlib import Path
-
 from mpi4py import MPI
 
 import numpy as np
@@ -15,13 +13,13 @@ from brake_fenicsx.macro.elasticity import affine_parts, layer_masses
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import complex_modes, contact_interface
 from brake_fenicsx.stability.participation import energy_shares
+from coarse_block import SCENES
 from dense_reference import all_kappa, undamped
 from tables import turns
 
 pytestmark = pytest.mark.hard
 
 TWO_PI = 2 * np.pi
-SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 
 
 def solved(scene, k, mu, C, band, M=None, **more):

@@ -87,7 +87,7 @@ def test_each_interface_follows_its_own_law_and_friction(scene, comm):
     brake = assemble(scene, comm)
     c = brake.contact
     parsed = read_scene(scene)
-    sample = draw_sample(parsed, "multi-scale", 0, parametric_brake(parsed, brake).at, None, None)
+    sample = draw_sample(parsed, "multi-scale", 0, parametric_brake(parsed, brake).at)
     mu = 0.3 + 0.3 * np.exp(-2.0)
     np.testing.assert_allclose(sample.friction.mu[c.interface == 0], mu, rtol=1e-12)
     np.testing.assert_allclose(sample.friction.mu[c.interface == 1], 0.2)

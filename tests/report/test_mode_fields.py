@@ -15,6 +15,7 @@ from brake_fenicsx.folder.store import Store
 from brake_fenicsx.report import mode_fields
 from brake_fenicsx.report.mode_fields import _severe, nodal_pattern
 from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
+from brake_fenicsx.samples.sampling import Roughness
 from brake_fenicsx.samples.solve import displacements
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import read_scene
@@ -47,7 +48,7 @@ def test_displacements_are_those_of_the_modes(changes, stored, tmp_path, monkeyp
     (tmp_path / "cache").mkdir()
     brake = assemble_brake(scene, COMM)
     hdf = read_surface(scene).hdf
-    study = Study(scene, brake, None, hdf, Store(tmp_path), COMM)
+    study = Study(scene, brake, Roughness(hdf=hdf), Store(tmp_path), COMM)
     study.prepare()
     # All modes of the small scene are stable: every second one is taken for unstable.
     grows = property(lambda self: ["unstable" if i % 2 else "stable" for i in range(len(self))])

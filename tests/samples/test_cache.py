@@ -14,10 +14,9 @@ from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import bodies_key, laws_key
+from coarse_block import BLOCK, SCENES
 
 COMM = MPI.COMM_WORLD
-SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
-BLOCK = SCENES / "block_on_plate.toml"
 SMALL = [
     "stages=['surface','micro','equilibrium','stability','uncertainty']",
     f"surface.scan='{(SCENES / 'pad_scan.npz').as_posix()}'", "contact.block_plate.gap=hdf",

@@ -1,7 +1,6 @@
 """A study of random materials with damping: its reduced model, cache and processes."""
 
 import json
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -9,9 +8,9 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.pipeline import run
+from coarse_block import BLOCK
 
 SELF = MPI.COMM_SELF
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 GIVEN = [
     "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",
@@ -55,19 +54,6 @@ def test_samples_are_those_of_full_order(terms, comm, tmp_path):
         np.testing.assert_allclose(found["shares"], exact["shares"], atol=0.01)
         wrong = {str(v) for v in found["verdict"][found["verdict"] != exact["verdict"]]}
         assert wrong <= {"neutral"}
-
-
-def test_taken_from_the_cache(tmp_path):
-    """The same bytes; of another set of terms nothing is taken."""
-    changes = [*GIVEN, f"stability.damping={{ {TERMS['contact']} }}", "stability.method=reduced"]
-    run(BLOCK, SELF, tmp_path, changes)
-    first = stored(tmp_path)
-    for file in (tmp_path / "samples").iterdir():
-        file.unlink()
-    run(BLOCK, SELF, tmp_path, changes)
-    assert "reduced model: taken from an earlier run" in (tmp_path / "log.txt").read_text()
-    for one, other in zip(first, stored(tmp_path), strict=True):
-        np.testing.assert_array_equal(one["s"], other["s"])
 
 
 @pytest.mark.long

@@ -1,7 +1,6 @@
 """Damping named in a scene, against perturbation theory with matrices made another way."""
 
 import json
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -19,11 +18,10 @@ from brake_fenicsx.scene.approaches import active_terms
 from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.eigen import tangent
+from coarse_block import BLOCK, SCENES
 from full_order import stored_eigenvalues, text_rows
 
 SELF = MPI.COMM_SELF
-SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
-BLOCK = SCENES / "block_on_plate.toml"
 COARSE = [
     "stages=['equilibrium','stability']", "parts.block.size='20 mm'", "parts.plate.size='30 mm'",
     "stability.band=['0 Hz','20 kHz']", "stability.zeta_max=0.3",

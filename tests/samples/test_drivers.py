@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -13,11 +12,13 @@ from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.results.driver_tables import contact_driver_table, driver_table
 from brake_fenicsx.results.stored import StoredSamples
+from brake_fenicsx.samples.drivers import driver_arrays
+from brake_fenicsx.samples.sampling import SMOOTH
 from brake_fenicsx.samples.solve import modes_of_sample, reduced_modes
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import read_scene
+from coarse_block import BLOCK
 
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 MULTI = "multi-scale"
 COARSE = [
     "parts.block.size='10 mm'", "parts.plate.size='14 mm'", "stability.band=['0 Hz','26 kHz']",
@@ -55,7 +56,7 @@ def studied(tmp_path_factory):
         store = Store(folder / "out")
         store.check("")
         store.open("")
-        study = Study(scene, assemble_brake(scene, MPI.COMM_SELF), None, None, store, MPI.COMM_SELF)
+        study = Study(scene, assemble_brake(scene, MPI.COMM_SELF), SMOOTH, store, MPI.COMM_SELF)
         study.prepare()
         return study, study.work((MULTI, 0))
 
@@ -203,5 +204,5 @@ def test_a_sample_without_unstable_modes_has_no_drivers(studied):
     eq = study.balance(sample, reduced=True)
     modes = reduced_modes(study.models, sample, eq)
     partner = np.full(len(modes), -1)
-    assert study.drivers.of(sample, eq, True, modes, partner, True) == {}
+    assert driver_arrays(study.equilibria, sample, eq, True, modes, partner, True) == {}
     assert driver_table(StoredSamples(study.store, []), 0.0).columns["family"].size == 0

@@ -1,7 +1,5 @@
 """Densities and masses on faces that vary: against the scene that is written with them."""
 
-from pathlib import Path
-
 from mpi4py import MPI
 
 import numpy as np
@@ -13,9 +11,9 @@ from brake_fenicsx.build.changes import assemble_changes
 from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene
+from coarse_block import BLOCK
 from full_order import agrees, at_full_order
 
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 # As many cells over the height of the plate whatever it is; a disc that turns beneath the block.
 COARSE = [
     "stages=['equilibrium','stability']", "parts.block.size='12 mm'", "parts.plate.size='15 mm'",
@@ -25,15 +23,20 @@ COARSE = [
 TURNING = [
     "motion={ axis='z', point=['40 mm', 0, 0], speed='20 rad/s' }",
     "stability.damping={ rayleigh=['300 1/s', '2e-7 s'] }",
-]  # fmt: skip
+]
 GYROSCOPIC = [
     "masses={}", TURNING[0],
     "stability.damping={ rayleigh=['300 1/s', '2e-7 s'], gyroscopic=['plate'] }",
 ]  # fmt: skip
+LOSS = [
+    'stability.damping={ rayleigh=["300 1/s", "2e-7 s"], loss=true, omega_ref="5 kHz" }',
+    "materials.lining.loss=0.05",
+]
+HEIGHT, C44 = "parts.block.height", "materials.lining.C44"
 LINING, IRON, MASS, PLATE = (
     "materials.lining.rho", "materials.iron.rho", 'masses."block.top".mass', "parts.plate.height",
 )  # fmt: skip
-UNIT = {LINING: "kg/m^3", IRON: "kg/m^3", MASS: "kg", PLATE: "m"}
+UNIT = {LINING: "kg/m^3", IRON: "kg/m^3", MASS: "kg", PLATE: "m", HEIGHT: "m", C44: "Pa"}
 RANGES = {LINING: (2000, 3000), IRON: (7000.0, 8000), MASS: (0.01, 0.04), PLATE: (9e-3, 11e-3)}
 
 
@@ -51,10 +54,12 @@ def written(values):
         (GYROSCOPIC, {IRON: 7700.0}),
         (GYROSCOPIC, {IRON: 7700.0, PLATE: 10.7e-3}),
         (GYROSCOPIC, {IRON: 7100.0, "motion.speed": 15.0}),
+        (GYROSCOPIC, {PLATE: 10.7e-3, "motion.speed": 21.5}),
+        (LOSS, {HEIGHT: 22e-3, C44: 1.25e9}),
     ],
 )
 def test_matrices_are_those_of_the_scene_written_with_the_values(sets, values, lumped):
-    """Mass, damping and gyroscopic term, to round-off; the stiffness stays."""
+    """Stiffness, mass, damping and gyroscopic term, to round-off; moduli and heights together."""
     unit = UNIT | {"motion.speed": "rad/s"}
     swept = ", ".join(
         f"'{key}'={{ values=['{0.9 * v!r} {unit[key]}','{1.1 * v!r} {unit[key]}'] }}"

@@ -1,6 +1,7 @@
 """Random scalars of a scene: which, in what units, what is rejected."""
 
-from pathlib import Path
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,14 +10,16 @@ from brake_fenicsx.build.material_table import constants, stiffness, varied_stif
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.material import engineering_constants
 from brake_fenicsx.samples.random_inputs import draw_inputs, law_factor, points_of
-from brake_fenicsx.samples.sampling import draw_sample, one_law, sample_count
+from brake_fenicsx.samples.sampling import Roughness, draw_sample, one_law, sample_count
 from brake_fenicsx.scene import LawTable, MaterialTable, read_scene
 from brake_fenicsx.scene.digest import result_digest
+from brake_fenicsx.surface import match_moments
+from coarse_block import BLOCK
 from contact_alone import at_contact
 
-SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
-BLOCK = SCENES / "block_on_plate.toml"
 STAGES = "stages=['surface','equilibrium','stability','uncertainty']"
+CONTACT = SimpleNamespace(interface=np.zeros(20, dtype=int), speed=np.full(20, 2.0))
+HEIGHTS = Roughness(hdf=match_moments(33.1e-6, -0.241, 3.6549))
 ROUGH = [STAGES, "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf"]
 
 
@@ -171,14 +174,11 @@ MU = random("contact.block_plate.friction", "{ law='uniform', min=0.3, max=0.7 }
 E3 = random("materials.lining.E_3", "{ law='uniform', spread=0.2 }")
 
 
-def test_multi_scale_beside_joint_is_roughness_alone(fake_contact):
+def test_multi_scale_beside_joint_is_roughness_alone():
     """Four approaches in one scene: each cause alone, and all together."""
     names = "samples.approaches=['multi-scale','parametric','classical','joint']"
     s = scene(names, MU, E3, "samples.n=500")
-    drawn = {
-        a: draw_sample(s, a, 0, at_contact(fake_contact), None, heights())
-        for a in s.samples.approaches
-    }
+    drawn = {a: draw_sample(s, a, 0, at_contact(CONTACT), HEIGHTS) for a in s.samples.approaches}
     assert {a: sorted(d.values) for a, d in drawn.items()} == {
         "multi-scale": [], "classical": [],
         "parametric": ["contact.block_plate.friction", "materials.lining.E_3"],
@@ -198,11 +198,11 @@ LIBRARY = [
 ]  # fmt: skip
 
 
-def test_computed_laws_scale_with_the_modulus_of_the_sample(fake_contact):
+def test_computed_laws_scale_with_the_modulus_of_the_sample():
     """E* = E_3 / (1 - nu_13^2) with nu_13 = nu_31 E_1 / E_3: not the ratio of E_3 alone."""
     s = scene(E3, *LIBRARY)
     library = one_law(LawTable(p0=10e6, u0=1e-5))
-    d = draw_sample(s, "multi-scale", 3, at_contact(fake_contact), library, heights())
+    d = draw_sample(s, "multi-scale", 3, at_contact(CONTACT), replace(HEIGHTS, library=library))
     c, E = constants(s.materials["lining"]), d.values["materials.lining.E_3"]
     star = lambda e: e / (1 - (c["nu_31"] * c["E_1"] / e) ** 2)  # noqa: E731
     expected = star(E) / star(c["E_3"])
@@ -211,24 +211,11 @@ def test_computed_laws_scale_with_the_modulus_of_the_sample(fake_contact):
     assert d.laws.pressure(g) == pytest.approx(expected * 10e6 * np.exp(-0.1), rel=1e-9)
 
 
-def test_written_laws_stay_as_written(fake_contact):
+def test_written_laws_stay_as_written():
     for law in ("{ linear = '2e13 Pa/m' }", "{ p0 = '10 MPa', u0 = '10 um' }"):
         s = scene(E3, f"contact.block_plate.law={law}")
-        d = draw_sample(s, "multi-scale", 3, at_contact(fake_contact), None, heights())
+        d = draw_sample(s, "multi-scale", 3, at_contact(CONTACT), HEIGHTS)
         same = one_law(s.contact["block_plate"].law)
         g = np.full(d.laws.g_cr.size, -1e-6)
         found, expected = d.laws.loading(d.laws.g_cr + g), same.loading(0 * d.laws.index, g)
         np.testing.assert_allclose(found, expected, rtol=1e-9)
-
-
-def heights():
-    from brake_fenicsx.surface import match_moments
-
-    return match_moments(33.1e-6, -0.241, 3.6549)
-
-
-@pytest.fixture
-def fake_contact():
-    from types import SimpleNamespace
-
-    return SimpleNamespace(interface=np.zeros(20, dtype=int), speed=np.full(20, 2.0))

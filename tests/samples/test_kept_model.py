@@ -1,7 +1,6 @@
 """The kept reduced model: taken again, or made again."""
 
 import shutil
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -11,9 +10,9 @@ import pytest
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.samples.reduced_models import LAYOUT
+from coarse_block import BLOCK
 
 COMM, FILE = MPI.COMM_SELF, "cache/undamped.npz"
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 GIVEN = [
     "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",

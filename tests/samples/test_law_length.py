@@ -1,7 +1,6 @@
 """Laws that are made to the pressure of the brake, and longer where a sample needs them."""
 
 import json
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -10,8 +9,8 @@ import pytest
 
 from brake_fenicsx.build import law_stage
 from brake_fenicsx.pipeline import run
+from coarse_block import BLOCK
 
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 ROUGH = [
     "stages=['surface','micro','equilibrium','stability','uncertainty']",
     "surface={ statistics={ S_q='3 um' } }",

@@ -1,7 +1,5 @@
 """A scene prepared from Python by several processes: one folder, the modes of one process."""
 
-from pathlib import Path
-
 from mpi4py import MPI
 
 import numpy as np
@@ -9,10 +7,10 @@ import pytest
 
 from brake_fenicsx import prepare
 from brake_fenicsx.folder.store import Store
+from coarse_block import BLOCK
 
 pytestmark = pytest.mark.together
 
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 ROUGH = [
     "stages=['surface','micro','equilibrium','stability']", "surface.statistics={ S_q = '1 um' }",
     "contact.block_plate.law=library", "micro.E='1983.3 MPa'", "micro.nu=0.4054",

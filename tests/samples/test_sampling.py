@@ -1,6 +1,5 @@
 """Random inputs of a sample."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,19 +8,19 @@ from scipy import stats
 
 from brake_fenicsx.build.values import quantile
 from brake_fenicsx.samples.random_inputs import points_of
-from brake_fenicsx.samples.sampling import draw_sample, sample_count, sample_seed
+from brake_fenicsx.samples.sampling import Roughness, draw_sample, sample_count, sample_seed
 from brake_fenicsx.scene import Distribution, read_scene
 from brake_fenicsx.surface import match_moments
+from coarse_block import BLOCK
 from contact_alone import at_contact
 
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 CHANGES = [
     "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '3 um' }",
     "contact.block_plate.gap=hdf",
     "samples.n=4",
 ]
-HDF = match_moments(33.1e-6, -0.241, 3.6549)
+HDF = Roughness(hdf=match_moments(33.1e-6, -0.241, 3.6549))
 
 
 def contact(elements):
@@ -31,7 +30,7 @@ def contact(elements):
 
 def sample(k: int, changes=(), elements: int = 4000):
     scene = read_scene(BLOCK, [*CHANGES, *changes])
-    return draw_sample(scene, "multi-scale", k, at_contact(contact(elements)), None, HDF)
+    return draw_sample(scene, "multi-scale", k, at_contact(contact(elements)), HDF)
 
 
 def test_sample_can_be_drawn_again_alone():
@@ -65,8 +64,7 @@ def test_rows_of_saltelli_share_their_gaps():
     points = points_of(scene, "joint")
     assert sample_count(scene, "joint") == len(points) == 80
     rows = [
-        draw_sample(scene, "joint", k, at_contact(contact(50)), None, HDF, points[k])
-        for k in range(10)
+        draw_sample(scene, "joint", k, at_contact(contact(50)), HDF, points[k]) for k in range(10)
     ]
     gaps = [row.laws.g_cr for row in rows]
     same = [[np.array_equal(a, b) for b in gaps] for a in gaps]
@@ -75,7 +73,7 @@ def test_rows_of_saltelli_share_their_gaps():
     assert rows[3].values == rows[0].values and rows[4].values != rows[0].values
     assert len({row.seed for row in rows}) == 10
     # Beside joint, multi-scale samples are independent ones, whatever the design.
-    alone = draw_sample(scene, "multi-scale", 1, at_contact(contact(50)), None, HDF)
+    alone = draw_sample(scene, "multi-scale", 1, at_contact(contact(50)), HDF)
     assert not np.array_equal(alone.laws.g_cr, gaps[0])
 
 
@@ -90,7 +88,7 @@ def test_critical_gaps_follow_the_heights():
 
 def test_classical_sample_is_perfect_contact():
     scene = read_scene(BLOCK, CHANGES)
-    s = draw_sample(scene, "classical", 0, at_contact(contact(5)), None, None)
+    s = draw_sample(scene, "classical", 0, at_contact(contact(5)))
     assert np.all(s.laws.g_cr == 0)
     np.testing.assert_array_equal(s.friction.mu, 0.5)
     assert s.laws.stiffness(np.full(5, -1e-6)) == pytest.approx(2e13)

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import time
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -12,11 +11,11 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.pipeline import run
+from coarse_block import BLOCK
 from full_order import text_rows
 from processes import command
 
 COMM = MPI.COMM_SELF
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 STAGES = "['surface','equilibrium','stability','uncertainty']"
 ROUGH = [
     f"stages={STAGES}", "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",

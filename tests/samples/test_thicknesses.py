@@ -1,22 +1,13 @@
 """Thicknesses that vary from sample to sample: matrices, modes, derivatives, refusals."""
 
-from pathlib import Path
-
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 
 from brake_fenicsx import model
-from brake_fenicsx.build.brake import assemble_brake
-from brake_fenicsx.build.changes import assemble_changes
-from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene import read_scene
+from coarse_block import BLOCK, SCENES
 from full_order import agrees, at_full_order
 
-SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
-BLOCK = SCENES / "block_on_plate.toml"
 # As many cells over the height whatever it is, so that meshes of two heights have the same cells.
 COARSE = [
     "stages=['equilibrium','stability']", "parts.block.size='18 mm'", "parts.plate.size='20 mm'",
@@ -27,7 +18,7 @@ DAMPED = 'stability.damping={ rayleigh=["300 1/s", "2e-7 s"], loss=true, omega_r
 TURNING = [
     "motion={ axis='z', point=['40 mm', 0, 0], speed='20 rad/s' }",
     "stability.damping={ rayleigh=['300 1/s', '2e-7 s'], gyroscopic=['plate'] }",
-]  # fmt: skip
+]
 LOSS = "materials.lining.loss=0.05"
 
 
@@ -35,48 +26,6 @@ def written(height, plate, *changes):
     """The scene with these heights, meshed anew: the plate grows downwards."""
     sets = [f"parts.block.height='{height!r} m'", f"parts.plate.height='{plate!r} m'"]
     return [*COARSE, *sets, f"parts.plate.z='{-plate!r} m'", *changes]
-
-
-@pytest.mark.parametrize("lumped", [[], ["mesh.mass=lumped", "mesh.degree=1"]])
-def test_matrices_of_a_thickness_are_those_of_the_scene_written_with_it(lumped):
-    """Also beside a modulus of the same layer, to round-off."""
-    sweep = [
-        f'sweep.parameters={{ "{HEIGHT}"={{ values=["16 mm","24 mm"] }},'
-        f' "{C44}"={{ values=["0.9 GPa","1.5 GPa"] }} }}',
-        DAMPED, LOSS, *lumped,
-    ]  # fmt: skip
-    scene = read_scene(BLOCK, [*COARSE, *sweep])
-    brake = assemble_brake(scene, MPI.COMM_SELF)
-    changes = assemble_changes(scene, brake)
-    values = {HEIGHT: 23e-3, C44: 1.3e9}
-    scene = read_scene(BLOCK, written(23e-3, 10e-3, "materials.lining.C44='1.3 GPa'", *sweep[1:]))
-    expected = assemble_brake(scene, MPI.COMM_SELF)
-    for found, exact in (
-        (brake.K + changes.change(values, "K"), expected.K),
-        (brake.M + changes.change(values, "M"), expected.M),
-    ):
-        assert abs(found - exact).max() < 1e-11 * abs(exact).max()
-    a, c, m = changes.coefficients(values)
-    assert np.any(a) and np.any(m) and np.all((c != 0) == (a + m != 0))
-
-
-def test_gyroscopic_term_of_a_thickness_is_that_of_the_scene_written_with_it():
-    """Beside the damping of the mass and another speed, to round-off."""
-    turning = [
-        *TURNING,
-        f'sweep.parameters={{ "{PLATE}"={{ values=["9 mm","11 mm"] }},'
-        ' "motion.speed"={ values=["10 rad/s","30 rad/s"] } }',
-    ]  # fmt: skip
-    scene = read_scene(BLOCK, [*COARSE, *turning])
-    brake = assemble_brake(scene, MPI.COMM_SELF)
-    changes = assemble_changes(scene, brake)
-    found = damping_terms(scene, brake).bulk + changes.change(
-        {PLATE: 10.7e-3, "motion.speed": 25.0}, "C"
-    )
-    scene = read_scene(BLOCK, written(20e-3, 10.7e-3, *turning[:2], "motion.speed='25 rad/s'"))
-    exact = damping_terms(scene, assemble_brake(scene, MPI.COMM_SELF)).bulk
-    assert abs(exact - exact.T).max() > 1e-3 * abs(exact).max()
-    assert abs(found - exact).max() < 1e-11 * abs(exact).max()
 
 
 @pytest.mark.long

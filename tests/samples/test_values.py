@@ -1,7 +1,6 @@
 """Values of a sample by dotted key, in place of those of the scene: each against full order."""
 
 from itertools import product
-from pathlib import Path
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -16,10 +15,10 @@ from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.samples.sampling import at_values, draw_sample
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import ContactLinearisation
+from coarse_block import BLOCK
 from contact_alone import at_contact
 from full_order import agrees, at_full_order
 
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = [
     "stages=['equilibrium','stability']", "parts.block.size='20 mm'", "parts.plate.size='30 mm'",
     "stability.band=['0 Hz','20 kHz']", "stability.zeta_max=0.3", "stability.method=reduced",
@@ -39,7 +38,7 @@ def test_values_replace_and_complete_the_drawn_ones():
     at = at_contact(SimpleNamespace(interface=np.zeros(4, int), speed=np.ones(4)))
 
     def drawn(approach, values):
-        return at_values(draw_sample(scene, approach, 1, at, None, None), values)
+        return at_values(draw_sample(scene, approach, 1, at), values)
 
     own = drawn("multi-scale", {})
     loaded = drawn("multi-scale", {LOAD: 3e5})

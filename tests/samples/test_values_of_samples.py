@@ -5,8 +5,6 @@ on every stiffness. A library is the one kind of law that follows the modulus of
 layer of a tie is written, since its default is that of the moduli of the scene.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -17,9 +15,9 @@ from brake_fenicsx.build.values import Values
 from brake_fenicsx.samples.random_inputs import law_factor
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.samples_section import unit_of
+from coarse_block import BLOCK
 from full_order import agrees
 
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 E, NU, G = [6e9, 5e9, 2.3e9], [0.2, 0.35, 0.3], [1.2e9, 1.1e9, 2.4e9]
 
 
@@ -97,9 +95,9 @@ def written(key, value):
         j = int(constant[-1])
         return [listed("nu", NU, j, value * E[j - 1] / E[2])]
     if constant in ("nu_12", "G_13", "G_23"):
-        name, values, place = {
-            "nu_12": ("nu", NU, 0), "G_13": ("G", G, 1), "G_23": ("G", G, 0)
-        }[constant]  # fmt: skip
+        name, values, place = {"nu_12": ("nu", NU, 0), "G_13": ("G", G, 1), "G_23": ("G", G, 0)}[
+            constant
+        ]
         return [listed(name, values, place, value)]
     if constant.startswith("stability"):
         pair = {"alpha": 50.0, "beta": 2e-8, constant.rpartition(".")[2]: value}

@@ -243,9 +243,7 @@ def test_derivative_of_the_flutter_model(share):
 def test_not_trusted_next_to_merging(share, expected):
     """A change of 1 % leads half way to the merging point from 2 % beyond it."""
     model = Flutter(share * Flutter.merging)
-    kept = trusted(
-        model.s, model.by_friction[None], 0.01 * model.mu, {0: [1], 1: [0]}
-    )  # fmt: skip
+    kept = trusted(model.s, model.by_friction[None], 0.01 * model.mu, {0: [1], 1: [0]})
     assert np.all(kept == expected)
 
 

@@ -24,8 +24,6 @@ from brake_fenicsx.stability.full.friction_modes import (
     FRICTIONLESS,
     Determinant,
     InterfaceModes,
-    at_interface,
-    below,
     prove,
 )
 from brake_fenicsx.stability.full.interface import difference_interface
@@ -149,8 +147,9 @@ def prepared(scene, k, mu, cutoff=1.6, orders=1):
     modes = modes_not_counted(scene.M, factor, sigma, limit, tolerance=FRICTIONLESS)
     face = contact_interface(scene.N, scene.T, scene.w * k, mu)
     seen = interface.moments(factor, scene.M, face, orders)
-    known = complete(K, scene.M, modes.kappa, count_below(K, scene.M, limit))
-    return below(at_interface(modes, limit, sigma, face), *known), face, seen, high
+    inside, limit = complete(K, scene.M, modes.kappa, count_below(K, scene.M, limit))
+    P, Q = (rows @ modes.Phi[:, inside] for rows in (face.right, face.left))
+    return InterfaceModes(modes.kappa[inside], limit, sigma, P, Q), face, seen, high
 
 
 @pytest.mark.parametrize("keep", [False, True])
@@ -317,7 +316,7 @@ def test_moments_of_stiff_contact_keep_their_digits_beside_low_modes(two_blocks)
     lowest = np.asfortranarray(Phi[:, kappa < 0.3 * high])
     assert kappa[0] < 0.02 * high and 1 < lowest.shape[1] < count
     plain = interface.moments(factor, scene.M, face, 10)
-    seen = interface.more_moments(factor, scene.M, face, plain, 10, lowest)
+    seen = interface.moments(factor, scene.M, face, 10, lowest=lowest)
     factor.destroy()
     found, lost = (Determinant(modes, face, m).R for m in (seen, plain))
     for j, R in enumerate(found):

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.stability import complex_modes
+from brake_fenicsx.stability.eigensolvers.symmetric import lowest_modes
 
 TWO_PI = 2 * np.pi
 
@@ -82,3 +84,19 @@ def test_one_sided_lattice_of_known_spectrum(shape):
     assert len(m) == wanted.size
     np.testing.assert_allclose(np.sort(m.s.imag), wanted, rtol=1e-7)
     assert "unstable" not in m.verdict
+
+
+def test_lowest_modes_below_everything_and_above_everything():
+    """No mode below the cutoff, and all modes of a small problem."""
+    values, one = np.array([1.0, 2.0, 3.0, 50.0]), sp.identity(4, format="csr")
+    factor = Factor(sp.diags(values).tocsr())
+    assert lowest_modes(factor, one, 0.5).kappa.size == 0
+    np.testing.assert_allclose(lowest_modes(factor, one, 1e3).kappa, values, rtol=1e-12)
+
+
+def test_one_degree_of_freedom():
+    """The block of vectors is used up exactly after one step, without round-off."""
+    one = sp.csr_matrix([[1.0]])
+    found = lowest_modes(Factor(4 * one), one, 10.0)
+    np.testing.assert_allclose(found.kappa, [4.0], rtol=1e-14)
+    assert abs(found.Phi[0, 0]) == 1.0

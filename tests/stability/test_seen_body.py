@@ -6,7 +6,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.stability.substructures.contact_rows import SIGMA, Rows
-from brake_fenicsx.stability.substructures.frequency import (
+from brake_fenicsx.stability.substructures.polynomials import (
     Polynomial,
     imaginary_points,
     real_points,

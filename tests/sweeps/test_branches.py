@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from brake_fenicsx.sweeps.branches import CUT, ENTERED, LEFT, follow
 from brake_fenicsx.sweeps.events import END, MERGING, ONSET, SPLITTING, find_events
 from brake_fenicsx.sweeps.state import State
-from sweep_models import MERGED, hoffmann, modes_of, solver
+from sweep_models import MERGED, along, hoffmann, modes_of, solver
 
 WIDE = (0.0, 1e5)
 
@@ -100,9 +100,9 @@ def test_modes_that_cross_without_coupling_keep_their_branches(steps):
     solve = solver(lambda x: (np.eye(2), np.zeros((2, 2)), np.diag([1.0 + x, 1.5 - x])))
     followed = follow(solve, np.linspace(0, 0.5, steps), WIDE)
     assert find_events(followed, solve, 0.0, 1e-4) == []
-    one, two = sorted(followed.branches, key=lambda b: followed.s(b)[0].imag)
-    np.testing.assert_allclose(followed.s(one).imag ** 2, 1.0 + followed.x(one), rtol=1e-12)
-    np.testing.assert_allclose(followed.s(two).imag ** 2, 1.5 - followed.x(two), rtol=1e-12)
+    (x, one), (_, two) = along(followed)
+    np.testing.assert_allclose(one.imag**2, 1.0 + x, rtol=1e-12)
+    np.testing.assert_allclose(two.imag**2, 1.5 - x, rtol=1e-12)
 
 
 @pytest.mark.parametrize("steps", [5, 8])
@@ -111,8 +111,8 @@ def test_modes_that_veer_stay_apart(steps):
     solve = solver(lambda x: (np.eye(2), np.zeros((2, 2)), K(x)))
     followed = follow(solve, np.linspace(0, 0.5, steps), WIDE)
     assert find_events(followed, solve, 0.0, 1e-4) == []
-    low, high = sorted(followed.branches, key=lambda b: followed.s(b)[0].imag)
-    assert np.all(followed.s(low).imag < followed.s(high).imag)
+    (_, low), (_, high) = along(followed)
+    assert np.all(low.imag < high.imag)
 
 
 def test_a_narrow_window_of_flutter_between_two_values_is_found():

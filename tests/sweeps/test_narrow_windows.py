@@ -75,4 +75,4 @@ def test_narrow_windows_are_found(model, step):
         solve = solver(lambda x, K=K, Q=Q, none=none: (np.eye(len(none)), none, Q @ K(x) @ Q.T))
         found = follow(solve, np.linspace(0, 1, 9)[::step], WIDE)
         assert (len(found.merged), len(found.split)) == changes(K)[::step], x0
-        assert found.solves < 40
+        assert len(found.states) < 40

@@ -30,8 +30,14 @@ from .arnoldi import combined, shares
 # the band's end the band is one percent of the spectrum seen, and Lanczos hardly converges.
 SHIFT, LARGEST_SHIFT = 1e-3, 1e2
 
+# A matrix is symmetric up to this share of its largest entry.
+SYMMETRIC = 1e-12
+
 # A limit closer than this to an eigenvalue is moved beyond it; by no more than MOVED.
 ON_EDGE, MOVED = 1e-11, 1e-3
+
+# Vectors of a block.
+BLOCK = 16
 
 # Convergence is looked for each time the space has grown by this factor: the eigenvalues of its
 # dense matrix cost more than several blocks.
@@ -49,6 +55,11 @@ class RealModes:
 
     Phi: Array
     kappa: Array
+
+
+def is_symmetric(A: sp.spmatrix) -> bool:
+    """Whether a matrix is its own transpose, to round-off."""
+    return bool(abs(A - A.T).max() <= SYMMETRIC * abs(A).max())
 
 
 def shifted_factor(
@@ -202,7 +213,6 @@ def lowest_modes(
     cutoff: float,
     tolerance: float = 1e-9,
     expected: int = 0,
-    block: int = 16,
 ) -> RealModes:
     """All modes below a cutoff of the pencil whose stiffness is factored.
 
@@ -212,7 +222,6 @@ def lowest_modes(
         cutoff: largest eigenvalue wanted [1/s^2].
         tolerance: relative residual of every mode.
         expected: number of modes, if it is known: there is room for at least so many.
-        block: number of vectors in a block.
 
     Returns:
         The modes. That none is missed is for the caller to prove, by an inertia count.
@@ -221,7 +230,7 @@ def lowest_modes(
         NotConverged: the Krylov space fills without convergence.
     """
     n = M.shape[0]
-    block = min(block, n)
+    block = min(BLOCK, n)
     room = min(n, max(128 * block, 4 * expected))
     V = np.empty((n, room + block), order="F")
     H = np.zeros((room + block, room + block))

@@ -34,7 +34,7 @@ from brake_fenicsx.macro.solver import Factor
 from ..eigensolvers import eigenpairs
 from ..eigensolvers.argument_principle import RIM
 from ..eigensolvers.arnoldi import nearest_modes, times
-from ..eigensolvers.symmetric import SHIFT, count_below
+from ..eigensolvers.symmetric import SHIFT, count_below, is_symmetric
 from ..modes import NEAR_ZERO, Count, Modes, damped_rows
 from .dense import DENSE, counted_quadratic, dense_quadratic_modes
 from .interface import SplitProblem
@@ -76,12 +76,8 @@ def quadratic_modes(
         lu.destroy()
         return found, X[:n]
 
-    symmetric = _symmetric(C) and _symmetric(K)
+    symmetric = is_symmetric(C) and is_symmetric(K)
     return eigenpairs.both_sides(side, s, reach, comm, leftmost, symmetric)
-
-
-def _symmetric(A: sp.spmatrix) -> bool:
-    return bool(abs(A - A.T).max() <= 1e-12 * abs(A).max())
 
 
 def _operator(

@@ -36,7 +36,7 @@ from mpi4py import MPI
 import numpy as np
 import scipy.linalg as la
 
-from brake_fenicsx.arguments import AnyArray, Array, Complex, Mask
+from brake_fenicsx.arguments import AnyArray, Array, Complex
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.macro.solver import BlockProduct
@@ -97,26 +97,20 @@ def friction_modes(
         NotConverged: an iteration fails.
         InaccurateResult: left and right eigenvalues or the count differ.
     """
-    held: list[Any] = []
+    pencil, held = (p.frictionless, p.M), list[Any]()
     # Every process factors the matrix for itself; where memory is short for one, all raise.
-    list(
-        in_turns(
-            comm.size,
-            lambda i: held.append(symmetric.shifted_factor(p.frictionless, p.M, high)),
-            comm,
-        )
-    )
+    list(in_turns(comm.size, lambda i: held.append(symmetric.shifted_factor(*pencil, high)), comm))
     if held[0] is None:
         return None
     factor, sigma = held[0]
     reach = argument_principle.undamped_reach(high, zeta_max) - sigma
-    pencil, limit = (p.frictionless, p.M), LIMIT * reach
+    limit = LIMIT * reach
 
-    def without_friction() -> tuple[InterfaceModes, Array, Array]:
+    def without_friction() -> tuple[Array, ...]:
         found = symmetric.modes_not_counted(p.M, factor, sigma, limit, tolerance=FRICTIONLESS)
         band, lowest = (found.Phi[:, found.kappa <= end] for end in (reach, LOW * limit))
-        seen = at_interface(found, limit, sigma, friction)
-        return seen, _starting_block(band), np.asfortranarray(lowest)
+        seen = friction.right @ found.Phi, friction.left @ found.Phi
+        return found.kappa, *seen, _starting_block(band), np.asfortranarray(lowest)
 
     parts: tuple[Callable[[], Any], ...] = (
         without_friction,
@@ -125,8 +119,9 @@ def friction_modes(
             interface.moments(factor, p.M, friction, keep=True),
         ),
     )
-    (modes, start, lowest), (counted, known) = in_turns(2, lambda i: parts[i](), comm)
-    modes = below(modes, *symmetric.complete(*pencil, modes.kappa, counted))
+    (kappa, P, Q, start, lowest), (counted, known) = in_turns(2, lambda i: parts[i](), comm)
+    inside, limit = symmetric.complete(*pencil, kappa, counted)
+    modes = InterfaceModes(kappa[inside], limit, sigma, P[:, inside], Q[:, inside])
     inverse = interface.Inverse(factor, friction, known)
     kappa, right, left = _both_sides(p, inverse, modes, reach, start, comm)
     del inverse
@@ -136,7 +131,7 @@ def friction_modes(
     for orders in range(moments_needed(det, region, comm), interface.MOST_ORDERS + 1):
         if orders > len(known.RL):
             # Stiff contact: more of what the kept modes leave out is needed.
-            known = interface.more_moments(factor, p.M, friction, known, orders, lowest, comm)
+            known = interface.moments(factor, p.M, friction, orders, lowest=lowest, comm=comm)
             det = Determinant(modes, friction, known)
         proof = prove(det, region, kappa, comm)
         if proof.remainder < 1:
@@ -216,20 +211,6 @@ class InterfaceModes:
     sigma: float
     P: Array
     Q: Array
-
-
-def at_interface(
-    modes: symmetric.RealModes, limit: float, sigma: float, friction: interface.Interface
-) -> InterfaceModes:
-    """Rows of some modes at the interface."""
-    P, Q = friction.right @ modes.Phi, friction.left @ modes.Phi
-    return InterfaceModes(modes.kappa, limit, sigma, P, Q)
-
-
-def below(modes: InterfaceModes, inside: Mask, limit: float) -> InterfaceModes:
-    """The modes below a limit up to which a count has found them complete."""
-    kappa, P, Q = modes.kappa[inside], modes.P[:, inside], modes.Q[:, inside]
-    return InterfaceModes(kappa, limit, modes.sigma, P, Q)
 
 
 class Determinant:

@@ -146,9 +146,15 @@ class Moments:
 
 
 def moments(
-    factor: Factor, M: sp.csr_matrix, friction: Interface, orders: int = 1, keep: bool = False
+    factor: Factor,
+    M: sp.csr_matrix,
+    friction: Interface,
+    orders: int = 1,
+    keep: bool = False,
+    lowest: Array | None = None,
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Moments:
-    """Solve for every column of the interface.
+    """Solve for every column of the interface; collective.
 
     Args:
         factor: factor of S.
@@ -157,48 +163,26 @@ def moments(
         orders: number of moments.
         keep: whether to keep S^-1 left' where it is no larger than the factor and than MESSAGE: the
             factor of the inertia count took as much memory, and is freed before it is used.
+        lowest: modes whose part is left out, see ``Moments.low``, shape (dofs, low); none if None.
+        comm: two processes, each of which solves for half of the columns, or one (with ``keep``).
 
     Returns:
         The moments.
     """
-    rank, size = friction.rank, 1.0
+    rank, half, size = friction.rank, friction.rank // 2, 1.0
+    Phi = np.zeros((M.shape[0], 0)) if lowest is None else lowest
     keep = keep and 8e-9 * rank * M.shape[0] <= min(factor.gigabytes, MESSAGE)
     SL = np.empty((M.shape[0], rank), order="F") if keep else None
-    none = np.zeros((M.shape[0], 0))
-    RL, LL = _of_columns(factor, M, friction, orders, slice(0, rank), none, SL)
+    columns = slice(0, half), slice(half, rank)
+    solved = in_turns(
+        2, lambda i: _of_columns(factor, M, friction, orders, columns[i], Phi, SL), comm
+    )
+    RL, LL = (np.concatenate(parts, axis=-1) for parts in zip(*solved, strict=True))
     if not friction.bounded:
         right = friction.right.T.tocsc()
-        parts = [friction.right @ factor.solve(right[:, b]) for b in blocks(rank)]
-        gap = np.hstack(parts)
+        gap = np.hstack([friction.right @ factor.solve(right[:, b]) for b in blocks(rank)])
         size = float(la.eigvalsh(0.5 * (gap + gap.T), subset_by_index=[rank - 1, rank - 1])[0])
-    return Moments(tuple(RL), 0.5 * (LL + LL.T), size, SL)
-
-
-def more_moments(
-    factor: Factor,
-    M: sp.csr_matrix,
-    friction: Interface,
-    known: Moments,
-    orders: int,
-    Phi: Array,
-    comm: MPI.Comm = MPI.COMM_SELF,
-) -> Moments:
-    """The same interface with more moments; collective.
-
-    Args:
-        factor: factor of S.
-        M: mass [kg].
-        friction: the interface.
-        known: fewer of its moments.
-        orders: number of moments.
-        Phi: lowest modes, shape (dofs, low).
-        comm: two processes, each of which solves for half of the columns, or one.
-    """
-    half = friction.rank // 2
-    columns = slice(0, half), slice(half, friction.rank)
-    found = in_turns(2, lambda i: _of_columns(factor, M, friction, orders, columns[i], Phi), comm)
-    RL, LL = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
-    return Moments(tuple(RL), 0.5 * (LL + LL.T), known.RR, None, Phi.shape[1])
+    return Moments(tuple(RL), 0.5 * (LL + LL.T), size, SL, Phi.shape[1])
 
 
 def _of_columns(
@@ -208,17 +192,18 @@ def _of_columns(
     orders: int,
     columns: slice,
     Phi: Array,
-    SL: Array | None = None,
+    SL: Array | None,
 ) -> tuple[Array, Array]:
     """Columns of RL and of LL, not made symmetric; S^-1 left' goes to SL."""
     left, mass = friction.left.T.tocsc()[:, columns], BlockProduct(M)
+    kept = None if SL is None else SL[:, columns]
     MPhi = mass(Phi)
     shape = friction.rank, left.shape[1]
     RL, LL = np.empty((orders, *shape)), np.empty(shape)
     for b in blocks(left.shape[1]):
         X = factor.solve(left[:, b])
-        if SL is not None:
-            SL[:, b] = X
+        if kept is not None:
+            kept[:, b] = X
         for j in range(orders):
             if j > 0 and Phi.size:
                 X -= combined(Phi, shares(MPhi, X))

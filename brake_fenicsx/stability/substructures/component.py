@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 
 from .contact_rows import Rows, shifted_polynomial
-from .frequency import Polynomial
 from .parameters import CONSTANT, InterpolatedCoefficients, Parameters, Powers
+from .polynomials import Polynomial
 from .substructure import SAME_ENTRY, MirrorImage, Substructure, mirror_image, turned_across
 
 # What the names of a body's arrays begin with.

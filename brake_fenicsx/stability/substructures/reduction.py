@@ -20,8 +20,8 @@ from brake_fenicsx.macro.solver import Factor
 from ..eigensolvers.symmetric import complete, count_below, modes_not_counted
 from .component import interface_at, matrices
 from .contact_rows import SIGMA, Rows
-from .frequency import Polynomial, imaginary_points, real_points
 from .parameters import InterpolatedCoefficients, Parameters
+from .polynomials import Polynomial, imaginary_points, real_points
 from .sample_problem import ROUND_OFF
 from .seen_body import Complement, SeenBody
 from .substructure import Substructure
@@ -264,7 +264,8 @@ def kept_modes(
         InaccurateResult: the stiffness is indefinite, an inertia count finds a mode missing, or
             the shape changes so much that poles stay close to the band.
     """
-    softening, shaped = parameters.softening, _changes_shape(body, parameters)
+    softening = parameters.softening
+    shaped = np.isin(parameters.acting_on(list(body.changes)), parameters.shapes).any()
     least = POLES / softening
     for _ in range(ATTEMPTS):
         kept = float(np.sqrt(least)) if cutoff is None else cutoff
@@ -286,11 +287,6 @@ def kept_modes(
             " length, a density or a mass changes: narrow its range, or raise stability.cutoff"
         )
     return KeptModes(W, kappa, kept, reach)
-
-
-def _changes_shape(body: Substructure, parameters: Parameters) -> bool:
-    """Whether a parameter of the shape moves the body."""
-    return bool(np.isin(parameters.acting_on(list(body.changes)), parameters.shapes).any())
 
 
 def _lowest_pole(

@@ -30,23 +30,16 @@ from brake_fenicsx.macro.schur import InterfaceFactor
 from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers.arnoldi import plus
+from ..eigensolvers.symmetric import is_symmetric
 from .contact_rows import SIGMA, Rows
 
 # Distance of an eigenvalue in kappa below which its kept mode is solved for.
 NEAR = 0.02
 
-# A matrix is symmetric up to this share of its largest entry.
-SYMMETRIC = 1e-12
-
 INDEFINITE = (
     "the stiffness of a body is not positive definite somewhere in the box of the random"
     " materials: narrow their distributions"
 )
-
-
-def is_symmetric(A: sp.csr_matrix) -> bool:
-    """Whether a matrix is its own transpose, to round-off."""
-    return bool(abs(A - A.T).max() <= SYMMETRIC * abs(A).max())
 
 
 @dataclass(frozen=True, slots=True)
