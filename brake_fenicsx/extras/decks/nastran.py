@@ -104,7 +104,9 @@ def _model(path: Path) -> tuple[Any, list[DeckKeyword], DeckKeyword | None]:
         elif name in SHELL_NODES:
             shell = model.elements[int(fields[1])]
             block.options = {"PID": str(shell.pid), "ZOFFS": str(shell.zoffset or 0.0)}
-        if name not in (*_POINTS, *_ELEMENTS) and parameter not in ("WTMASS", *_PARAMETERS):
+            if isinstance(shell.theta_mcid, int) or shell.theta_mcid:
+                block.options["THETA"] = str(shell.theta_mcid)
+        if name not in (*_POINTS, *_SOLIDS) and parameter not in _PARAMETERS:
             blocks.append(block)
     _refer(model, points)
     return model, blocks, first

@@ -163,12 +163,18 @@ def _property(deck: Deck, block: DeckKeyword) -> str | None:
     if len(zoffs) > 2:
         raise SceneError(f"{said}: shells with several ZOFFS; give each a property of its own")
     deck.add_shells(ShellSection(str(number), layers, offset - zoffs[0], said))
-    return None
+    turned = [] if plain else [f"{angle:g}" for angle in own.get_thetas() if angle]
+    lost = [f"layers turned by {', '.join(turned)}: make each a part"] * bool(turned)
+    lost += [f"a mass of {own.nsm:g} per area: write [masses]"] * bool(own.nsm)
+    lost += ["its own bending stiffness"] * (plain and (not own.mid2 or own.twelveIt3 != 1.0))
+    return "; ".join(lost) or None
 
 
-def _zoffs(deck: Deck, block: DeckKeyword) -> None:
-    """How far the middle of a shell of Nastran is from its grid points."""
+def _shell_of_nastran(deck: Deck, block: DeckKeyword) -> str | None:
+    """How far the middle of a shell is from its grid points, and whether its axes are turned."""
     deck.zoffs[block.options["PID"]].add(float(block.options["ZOFFS"]))
+    said = f"THETA or MCID {block.options.get('THETA')}: write the axis of the part"
+    return said if "THETA" in block.options else None
 
 
 def taken(deck: Deck, block: DeckKeyword) -> None:
@@ -181,7 +187,7 @@ ABAQUS: dict[str, Reader] = {
 }  # fmt: skip
 ANSYS: dict[str, Reader] = {"MP": _constants, "MPDATA": _constants}
 NASTRAN: dict[str, Reader] = {
-    **dict.fromkeys(SHELL_NODES, _zoffs),
+    **dict.fromkeys(SHELL_NODES, _shell_of_nastran),
     **dict.fromkeys(("PSOLID", "PSHELL", "PCOMP"), _property),
     "MAT1": _material,
 }
