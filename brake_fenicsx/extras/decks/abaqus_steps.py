@@ -136,6 +136,9 @@ class History:
             if (word,) not in self.seen:
                 self.own[word].clear()
             self.seen.add((word,))
+            other = {"DLOAD": "DSLOAD", "DSLOAD": "DLOAD"}.get(word, word)
+            if other != word and self.own[other]:
+                self.lost.append((block, f"CalculiX removes *{other} too, which stays here"))
         if why is not None:
             self.lost.append((block, why))
         elif word in self.own:
