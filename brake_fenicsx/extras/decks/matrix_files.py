@@ -57,7 +57,8 @@ def read_matrix(path: Path) -> LabelledMatrix:
         if path.suffix == ".npz":
             matrix = LabelledMatrix(_npz(path), None)
         else:
-            head = _head(path)
+            with path.open(encoding="utf-8", errors="replace") as file:
+                head = file.read(10_000)
             if head.startswith("%%MatrixMarket"):
                 matrix = LabelledMatrix(_matrix_market(path), None)
             elif re.search(r"^DMIG", head, re.MULTILINE):
@@ -93,11 +94,6 @@ def read_row_labels(path: Path) -> Labels:
     if len(np.unique(labels, axis=0)) < len(lines):
         raise SceneError("a node and component twice; write one line for each row")
     return labels.reshape(-1, 2)
-
-
-def _head(path: Path) -> str:
-    with path.open(encoding="utf-8", errors="replace") as file:
-        return file.read(10_000)
 
 
 def _npz(path: Path) -> sp.csr_matrix:

@@ -540,6 +540,7 @@ def test_shells_of_nastran(tmp_path):
         (half.replace(",0.,YES,8", ",45.,YES,8"), "", "layers turned by 45, 45: make each a part"),
         (layered.replace("0.,,,", "0.,2-9,,"), "", "a mass of 2e-09 per area: write [masses]"),
         (plain.replace(",7\n", "\n"), "", "its own bending stiffness"),
+        (half.replace("SYM", "SMEAR"), "", "its own bending stiffness"),
         (plain, ",30.", "THETA or MCID 30.0: write the axis of the part"),
         (plain, ",0", "THETA or MCID 0: write the axis of the part"),
     ):

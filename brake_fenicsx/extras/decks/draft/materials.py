@@ -166,7 +166,8 @@ def _property(deck: Deck, block: DeckKeyword) -> str | None:
     turned = [] if plain else [f"{angle:g}" for angle in own.get_thetas() if angle]
     lost = [f"layers turned by {', '.join(turned)}: make each a part"] * bool(turned)
     lost += [f"a mass of {own.nsm:g} per area: write [masses]"] * bool(own.nsm)
-    lost += ["its own bending stiffness"] * (plain and (not own.mid2 or own.twelveIt3 != 1.0))
+    bends = (own.mid2 and own.twelveIt3 == 1.0) if plain else own.lam in (None, "SYM")
+    lost += [] if bends else ["its own bending stiffness"]
     return "; ".join(lost) or None
 
 
