@@ -274,6 +274,8 @@ def _unnamed(whole: Scope, blocks: Sequence[DeckKeyword]) -> list[tuple[DeckKeyw
         Rows that name nothing, and why.
     """
     held, lost = list[tuple[int, str]](), list[tuple[DeckKeyword, str]]()
+    # Reference nodes are on no face of their own.
+    references = {block.options.get("REFNODE") for block in blocks}
     for block in (b for b in blocks if not b.scope and b.keyword in ("BOUNDARY", "DLOAD")):
         for word, *row in block.rows:
             try:
@@ -281,7 +283,7 @@ def _unnamed(whole: Scope, blocks: Sequence[DeckKeyword]) -> list[tuple[DeckKeyw
                     name = f"*DLOAD {float(row[1]):g}"
                     facets = whole.facets(name, [[word, row[0].upper().replace("P", "S")]])
                     whole.surfaces.setdefault(name, []).extend(facets)
-                elif word.rpartition(".")[2].isdigit():
+                elif word.rpartition(".")[2].isdigit() and word not in references:
                     along = held_along(row)
                     held += [(n, along) for n in whole.members(whole.nsets, [word], "")]
             except SceneError as error:

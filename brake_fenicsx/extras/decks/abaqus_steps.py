@@ -16,13 +16,8 @@ import numpy as np
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.filemesh import DeckKeyword
 
-from .keywords import doubts
+from .keywords import TABLES, doubts
 
-# Components that a type of *BOUNDARY holds.
-_TYPES = {
-    "ENCASTRE": (1, 2, 3, 4, 5, 6), "PINNED": (1, 2, 3), "XSYMM": (1, 5, 6), "YSYMM": (2, 4, 6),
-    "ZSYMM": (3, 4, 5), "XASYMM": (2, 3, 4), "YASYMM": (1, 3, 5), "ZASYMM": (1, 2, 6),
-}  # fmt: skip
 _LOADS = ("CLOAD", "DLOAD", "DSLOAD")
 _MODES = ("FREQUENCY", "COMPLEX FREQUENCY")
 _OF_STEPS = (*_MODES, "STATIC", "AMPLITUDE", "MODEL CHANGE")
@@ -181,10 +176,10 @@ class History:
         """What a row names, and the row of each component."""
         name, kind, *rest = row
         if block.keyword == "BOUNDARY":
-            held = _TYPES.get(kind.upper())
+            held = TABLES["held"].get(kind.upper())
             if held is None:
                 last = rest[0] if rest and rest[0] else kind
-                held = tuple(range(int(kind), int(last) + 1))
+                held = range(int(kind), int(last) + 1)
             value = self._value(block, rest[1] if len(rest) > 1 else "")
             if not held or not 1 <= held[0] <= held[-1] <= 6:
                 raise SceneError("these are no displacements")

@@ -25,13 +25,8 @@ from .node_axes import TURNED, component_along
 
 Array = NDArray[np.float64]
 
-# Solid elements by their routine number; others, as of contact, are counted and left out.
-_SOLIDS = {45, 64, 65, 73, 92, 95, 185, 186, 187, 285}
-_OTHERS = (
-    "COMBIN14 MASS21 SHELL61 SHELL63 SURF154 TARGE169 TARGE170 CONTA172 CONTA173 CONTA174 CONTA175"
-    " CONTA178 PRETS179 LINK180 SHELL181 MPC184 BEAM188 BEAM189 SOLSH190 COMBI214 COMBI250 SHELL281"
-)
-_NAMES = {int(re.sub(r"\D", "", name)): name for name in _OTHERS.split()}
+_SOLIDS = {*TABLES["elements"]["solids"]}
+_NAMES = {int(re.sub(r"\D", "", name)): name for name in TABLES["elements"]["others"]}
 # Meshing facets, which only gmsh's and Ansys' own meshers use.
 _FACETS = 200
 _SILENT, _IDLE = ({*TABLES[kind]["ansys"]} for kind in ("silent", "idle"))

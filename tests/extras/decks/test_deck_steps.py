@@ -316,8 +316,8 @@ def test_held_reference_nodes(drafted):
     """*KINEMATIC holds each point, without data lines too (Abaqus; CalculiX 2.20 couples nothing).
     *DISTRIBUTING holds the mean motion alone (Abaqus), or nothing (CalculiX 2.20): it is said."""
     held = "*BOUNDARY\nBOTTOM, 1, 3\nREF, 1, 6\n"
-    for kind in ("*KINEMATIC\n", "*KINEMATIC\n1, 3\n"):
-        scene, lost = drafted(before=AWAY + kind, held=held, pressed="")
+    for kind, node in (("*KINEMATIC\n", "REF"), ("*KINEMATIC\n1, 3\n", "999")):
+        scene, lost = drafted(before=AWAY + kind, held=held.replace("REF", node), pressed="")
         assert ("x", "y", "z") in [scene.supports.get(f"block.{n}") for n in ("back", "top")]
         assert not lost
     scene, (line,) = drafted(before=AWAY + "*DISTRIBUTING\n", held=held)
