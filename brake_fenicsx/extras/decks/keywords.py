@@ -8,13 +8,13 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping
-from importlib.resources import files
 from math import inf
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from brake_fenicsx.meshing.filemesh import DeckKeyword
 
-TABLES: dict[str, Any] = tomllib.loads((files(__package__) / "keywords.toml").read_text("utf-8"))
+TABLES: dict[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 
 
 class Known(NamedTuple):
