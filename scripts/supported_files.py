@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from brake_fenicsx.extras.decks.abaqus_keywords import HARMLESS, KNOWN, Known
 from brake_fenicsx.extras.decks.draft.text import write_scene
+from brake_fenicsx.extras.decks.keywords import HARMLESS, KNOWN, Known
 from brake_fenicsx.extras.measured.peaks import read_peaks
 from brake_fenicsx.meshing.meshfile import read_mesh_file
 from brake_fenicsx.scene import Scene, read_scene
@@ -119,7 +119,7 @@ def page() -> str:
         lines.append(f"| `{name}` | {own['written']} | {found.removeprefix('found: ')} | {lost} |")
     formats = (f"| `{end}` | {f.now} | {f.later} | {f.here} |" for end, f in FORMATS.items())
     lines += ["", SCAN_FORMATS, *formats, ""]
-    lines += [f"{KEYWORDS}{', '.join(f'`*{word}`' for word in sorted(HARMLESS))}.", ""]
+    lines += [f"{KEYWORDS}{', '.join(f'`*{word}`' for word in sorted(HARMLESS['abaqus']))}.", ""]
     lines += ["| keyword | options that are read | said, the rest is read | data lines |"]
     lines += ["| --- | --- | --- | --- |"]
     lines += [_row(word, KNOWN[word]) for word in sorted(KNOWN)]
@@ -128,9 +128,7 @@ def page() -> str:
 
 def _row(word: str, known: Known) -> str:
     """A keyword of the table."""
-    options = ", ".join(
-        n if p == ".*" else f"{n}={p}" if p else n for n, p in known.options.items()
-    )
+    options = ", ".join(f"{n}={p}" if p not in (".*", "") else n for n, p in known.patterns.items())
     aside = "; ".join(f"{name}: {said}" for name, said in known.aside.items())
     (few, most), (low, high) = known.words, known.lines
     words = f"{few} to {most} words" if few != most else f"{most} words"

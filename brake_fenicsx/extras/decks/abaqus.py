@@ -23,17 +23,13 @@ from brake_fenicsx.meshing.filemesh import (
     same_length,
 )
 
-from .abaqus_keywords import keyword_of
-from .abaqus_scope import Rows, Scope, find, placement
+from .abaqus_scope import KINDS, Rows, Scope, find, placement
 from .abaqus_steps import in_force
+from .keywords import TABLES, keyword_of
 from .node_axes import along_global
 
 # Types of solid elements, which end with their number of nodes and letters of the integration.
 _SOLID = re.compile(r"(?:C3D|SC)(\d+)[HIMRTSEF]*")
-_KINDS = {
-    4: "tetra", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15", 20: "hexahedron20",
-    27: "hexahedron27",
-}  # fmt: skip
 # Shells and membranes mark faces, or become solids; gmsh writes faces as elements of plane stress.
 _SKIN = re.compile(r"(?:S|M3D|CPS|SFM3D|STRI)([3468])[RSW5]*")
 # Elements without stiffness or mass in a deck of solids: they mark faces and edges at most.
@@ -45,8 +41,6 @@ _DATA_LINE = re.compile(r"\*|\s*[-+.,\d]")
 MOST_FILES, MOST_NUMBERS = 1000, 10**7
 # Blocks with an end of their own.
 _CLOSED = ("PART", "INSTANCE", "ASSEMBLY")
-# What makes or moves nodes and elements, and would be missing in the mesh.
-_MAKERS = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM")
 
 
 @dataclass(slots=True)
@@ -104,7 +98,7 @@ def read_abaqus(path: Path) -> FileMesh:
     for block in _blocks(path):
         if block.keyword in _CLOSED:
             within.append(block.said)
-        elif within and block.keyword in _ENDS:
+        elif within and block.keyword.removeprefix("END ") in _CLOSED:
             within.pop()
         try:
             _take(deck, block)
@@ -153,24 +147,22 @@ def _lines(path: Path, chain: tuple[Path, ...] = (), opened: Any = None) -> Iter
         yield ["", ""]
 
 
-def _whole_keywords(text: str) -> Iterator[tuple[int, str]]:
+def _whole_keywords(text: str) -> list[tuple[int, str]]:
     """Lines that say something, with their numbers, and each keyword in one.
 
     After a comma it goes on in the next line in Abaqus, not in CalculiX 2.20.
     What begins as a number is data in both.
     """
-    first, word = 0, ""
+    lines = list[tuple[int, str]]()
     for number, line in enumerate(text.splitlines(), 1):
         if line.startswith("**") or not line.strip():
             continue
+        first, word = lines[-1] if lines else (0, "")
         if word[:1] == "*" and word.endswith(",") and not _DATA_LINE.match(line):
-            word += line.strip()
-            continue
-        if word:
-            yield first, word
-        first, word = number, line.rstrip()
-    if word:
-        yield first, word
+            lines[-1] = first, word + line.strip()
+        else:
+            lines.append((number, line.rstrip()))
+    return lines
 
 
 def _block(line: str, at: str) -> DeckKeyword:
@@ -202,14 +194,14 @@ def _blocks(path: Path) -> Iterator[DeckKeyword]:
 
 def _take(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     """Add one block to the deck."""
-    if block.keyword in _MAKERS:
+    if block.keyword in TABLES["makers"]:
         raise SceneError("nodes and elements must be written one by one in Cartesian axes")
-    if block.keyword not in _TAKEN:
+    take = _TAKEN.get(block.keyword)
+    if take is None:
         if not block.keyword.startswith("END "):
             deck.blocks.append(replace(block, scope=deck.scope.name))
         return
-    known, take = _TAKEN[block.keyword]
-    if unknown := sorted(block.options.keys() - known):
+    if unknown := sorted(block.options.keys() - {*TABLES["mesh"].get(block.keyword, ())}):
         said = f"its option {unknown[0]} is not understood"
         if block.keyword not in ("NODE", "NSET", "ELSET") or "INPUT" in unknown:
             raise SceneError(f"{said}; write it without")
@@ -282,6 +274,8 @@ def _unnamed(whole: Scope, blocks: Sequence[DeckKeyword]) -> list[tuple[DeckKeyw
         Rows that name nothing, and why.
     """
     held, lost = list[tuple[int, str]](), list[tuple[DeckKeyword, str]]()
+    # Reference nodes are on no face of their own.
+    references = {block.options.get("REFNODE") for block in blocks}
     for block in (b for b in blocks if not b.scope and b.keyword in ("BOUNDARY", "DLOAD")):
         for word, *row in block.rows:
             try:
@@ -289,7 +283,7 @@ def _unnamed(whole: Scope, blocks: Sequence[DeckKeyword]) -> list[tuple[DeckKeyw
                     name = f"*DLOAD {float(row[1]):g}"
                     facets = whole.facets(name, [[word, row[0].upper().replace("P", "S")]])
                     whole.surfaces.setdefault(name, []).extend(facets)
-                elif word.rpartition(".")[2].isdigit():
+                elif word.rpartition(".")[2].isdigit() and word not in references:
                     along = held_along(row)
                     held += [(n, along) for n in whole.members(whole.nsets, [word], "")]
             except SceneError as error:
@@ -312,7 +306,7 @@ def _elements(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     scope, options = deck.scope, block.options
     name = options.get("TYPE", "").upper()
     solid, skin = _SOLID.fullmatch(name), _SKIN.fullmatch(name)
-    kind = _KINDS.get(int(solid[1])) if solid else None
+    kind = KINDS.get(int(solid[1])) if solid else None
     if kind is None and skin is None:
         # Sets may name this one.
         scope.add(scope.elsets, options.get("ELSET", ""), [])
@@ -363,20 +357,11 @@ def _set(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     scope.add(sets, options[keyword], found)
 
 
-_SET = {"NSET", "ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"}
-_ENDS = ("END PART", "END INSTANCE", "END ASSEMBLY")
-# Keywords of the mesh: their options, as with another one it would be another mesh; their reader.
-_TAKEN: dict[str, tuple[set[str], Callable[[_AbaqusDeck, DeckKeyword], None]]] = {
-    "PART": ({"NAME"}, _part),
-    "ASSEMBLY": ({"NAME"}, _part),
-    "INSTANCE": ({"NAME", "PART"}, _instance),
-    **dict.fromkeys(_ENDS, (set(), _end)),
-    "NODE": ({"NSET", "SYSTEM"}, _nodes),
-    "ELEMENT": ({"TYPE", "ELSET"}, _elements),
-    "NSET": (_SET, _set),
-    "ELSET": (_SET - {"NSET"}, _set),
-    "SURFACE": ({"NAME", "TYPE", "INTERNAL", "COMBINE"}, _surface),
-}
+_TAKEN: dict[str, Callable[[_AbaqusDeck, DeckKeyword], None]] = {
+    "PART": _part, "ASSEMBLY": _part, "INSTANCE": _instance, "END PART": _end, "END INSTANCE": _end,
+    "END ASSEMBLY": _end, "NODE": _nodes, "ELEMENT": _elements, "NSET": _set, "ELSET": _set,
+    "SURFACE": _surface,
+}  # fmt: skip
 
 
 def _mesh(scope: Scope) -> FileMesh:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.meshing.filemesh import FAR, SOLIDS, corners_of
+from brake_fenicsx.meshing.filemesh import FAR, SOLIDS, corners_of, listed
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,11 @@ FACES = {
     "hexahedron": (
         (0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0),
     ),
+}  # fmt: skip
+# Kinds of cells by their nodes.
+KINDS = {
+    4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra10", 13: "pyramid13",
+    15: "wedge15", 20: "hexahedron20", 27: "hexahedron27",
 }  # fmt: skip
 Rows = list[list[str]]
 Sets = dict[str, list[int]]
@@ -152,11 +157,8 @@ class Scope:
         def moved(numbers: Iterable[int]) -> list[int]:
             return [number + by for number in numbers]
 
-        if other.nodes:
-            x = np.array(list(other.nodes.values())) @ turn.T + shift
-            self.nodes |= {
-                n: [*map(float, row)] for n, row in zip(moved(other.nodes), x, strict=True)
-            }
+        x = np.array([*other.nodes.values()]).reshape(-1, 3) @ turn.T + shift
+        self.nodes |= zip(moved(other.nodes), listed(x), strict=True)
         for cells, own in ((self.solids, other.solids), (self.skins, other.skins)):
             cells |= {n + by: (kind, moved(nodes)) for n, (kind, nodes) in own.items()}
         self.others += other.others

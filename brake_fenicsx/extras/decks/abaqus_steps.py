@@ -16,15 +16,11 @@ import numpy as np
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.filemesh import DeckKeyword
 
-from .abaqus_keywords import doubts
+from .keywords import TABLES, doubts
 
-# Components that a type of *BOUNDARY holds.
-_TYPES = {
-    "ENCASTRE": (1, 2, 3, 4, 5, 6), "PINNED": (1, 2, 3), "XSYMM": (1, 5, 6), "YSYMM": (2, 4, 6),
-    "ZSYMM": (3, 4, 5), "XASYMM": (2, 3, 4), "YASYMM": (1, 3, 5), "ZASYMM": (1, 2, 6),
-}  # fmt: skip
 _LOADS = ("CLOAD", "DLOAD", "DSLOAD")
 _MODES = ("FREQUENCY", "COMPLEX FREQUENCY")
+_OF_STEPS = (*_MODES, "STATIC", "AMPLITUDE", "MODEL CHANGE")
 Row = list[str]
 Key = tuple[str, ...]
 
@@ -122,12 +118,12 @@ class History:
         word = block.keyword
         if self.left:
             return
-        if word not in _WALKED and word not in self.own:
+        if word not in (*_OF_STEPS, *self.own):
             self.blocks.append(block)
             return
         why, aside = doubts(block)
-        if word == "AMPLITUDE":
-            why = None  # what uses it says so
+        if word == "AMPLITUDE":  # what uses it says so
+            self.amplitudes[block.options.get("NAME", "").upper()], why = (block, why), None
         self.lost += [(block, said) for said in aside]
         if word in _LOADS and self.modes:
             why = "it stands in the step of the modes, and is no load of the equilibrium"
@@ -135,12 +131,25 @@ class History:
             if (word,) not in self.seen:
                 self.own[word].clear()
             self.seen.add((word,))
+            other = {"DLOAD": "DSLOAD", "DSLOAD": "DLOAD"}.get(word, word)
+            if other != word and self.own[other]:
+                self.lost.append((block, f"CalculiX removes *{other} too, which stays here"))
         if why is not None:
             self.lost.append((block, why))
         elif word in self.own:
             self._rows(block)
+        elif word == "MODEL CHANGE":
+            for row in block.rows:
+                pair = frozenset(map(str.upper, row))
+                self.removed.pop(pair, None)
+                if "REMOVE" in block.options:
+                    self.removed[pair] = row
         else:
-            _WALKED[word](self, block)
+            _, low, high, *_ = [*(block.rows or [[]])[0], "", "", ""]
+            if word == "STATIC":
+                self.period = float(low or 1.0)
+            elif high and word != "AMPLITUDE":
+                self.band = float(low or 0.0), float(high)
 
     def _rows(self, block: DeckKeyword) -> None:
         """Supports or loads of one block."""
@@ -167,10 +176,10 @@ class History:
         """What a row names, and the row of each component."""
         name, kind, *rest = row
         if block.keyword == "BOUNDARY":
-            held = _TYPES.get(kind.upper())
+            held = TABLES["held"].get(kind.upper())
             if held is None:
                 last = rest[0] if rest and rest[0] else kind
-                held = tuple(range(int(kind), int(last) + 1))
+                held = range(int(kind), int(last) + 1)
             value = self._value(block, rest[1] if len(rest) > 1 else "")
             if not held or not 1 <= held[0] <= held[-1] <= 6:
                 raise SceneError("these are no displacements")
@@ -197,39 +206,7 @@ class History:
 
     def state(self) -> list[DeckKeyword]:
         """Supports and loads that are left, in the blocks that they stand in."""
-        blocks = []
-        for own in self.own.values():
-            for at in dict.fromkeys(block.at for block, _ in own.values()):
-                rows = [row for block, row in own.values() if block.at == at]
-                block = next(block for block, _ in own.values() if block.at == at)
-                blocks.append(replace(block, rows=rows, options={}))
-        return blocks
-
-
-def _static(found: History, block: DeckKeyword) -> None:
-    given = [*block.rows, []][0][1:2]
-    found.period = float(given[0]) if given and given[0] else 1.0
-
-
-def _band(found: History, block: DeckKeyword) -> None:
-    low, high = [*[*block.rows, []][0], "", "", ""][1:3]
-    if high:
-        found.band = float(low or 0.0), float(high)
-
-
-def _model_change(found: History, block: DeckKeyword) -> None:
-    for row in block.rows:
-        pair = frozenset(map(str.upper, row))
-        found.removed.pop(pair, None)
-        if "REMOVE" in block.options:
-            found.removed[pair] = row
-
-
-def _amplitude(found: History, block: DeckKeyword) -> None:
-    found.amplitudes[block.options.get("NAME", "").upper()] = block, doubts(block)[0]
-
-
-_WALKED = {
-    "STATIC": _static, "FREQUENCY": _band, "COMPLEX FREQUENCY": _band, "AMPLITUDE": _amplitude,
-    "MODEL CHANGE": _model_change,
-}  # fmt: skip
+        blocks: dict[str, DeckKeyword] = {}
+        for block, row in (pair for own in self.own.values() for pair in own.values()):
+            blocks.setdefault(block.at, replace(block, rows=[], options={})).rows.append(row)
+        return [*blocks.values()]

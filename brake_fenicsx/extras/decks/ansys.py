@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from operator import length_hint
 from pathlib import Path
@@ -19,35 +19,21 @@ from scipy.spatial.transform import Rotation
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh, held_nodes, numbered
 
+from .abaqus_scope import KINDS
+from .keywords import TABLES
 from .node_axes import TURNED, component_along
 
 Array = NDArray[np.float64]
 
-# Solid elements by their routine number; others, as of contact, are counted and left out.
-_SOLIDS = {45, 64, 65, 73, 92, 95, 185, 186, 187, 285}
-_OTHERS = (
-    "COMBIN14 MASS21 SHELL61 SHELL63 SURF154 TARGE169 TARGE170 CONTA172 CONTA173 CONTA174 CONTA175"
-    " CONTA178 PRETS179 LINK180 SHELL181 MPC184 BEAM188 BEAM189 SOLSH190 COMBI214 COMBI250 SHELL281"
-)
-_NAMES = {int(re.sub(r"\D", "", name)): name for name in _OTHERS.split()}
+_SOLIDS = {*TABLES["elements"]["solids"]}
+_NAMES = {int(re.sub(r"\D", "", name)): name for name in TABLES["elements"]["others"]}
 # Meshing facets, which only gmsh's and Ansys' own meshers use.
 _FACETS = 200
-# Commands of which nothing is lost: titles, settings of the preprocessor, names of types.
-_SILENT = """
-/COM /PREP7 /NOPR /GOPR /GO /TITLE /BATCH /CONFIG /UNITS /NERR /WB FINISH NUMOFF *SET *IF *ENDIF
-*ELSE ET ETBLOCK N TYPE MAT REAL ESYS SECNUM CSYS DSYS SHPP ERESX EXTOPT TREF BFUNIF TUNIF MPTEMP CM
-CMSEL NSEL ESEL ALLSEL DOF EN ANTYPE MODOPT MODCONTROL QRDOPT IRLF NCNV NEQIT KUSE CRPLIM TIME
-OUTRES NSUBST
-"""
-_HARMLESS = {*_SILENT.split()}
-# Commands that a program writes with zeros where they do nothing.
-_IDLE = {"ACEL", "OMEGA", "DOMEGA", "CGOMEGA", "CGLOC", "DCGOMG", "ALPHAD", "BETAD", "DMPRAT",
-         "DMPSTR"}  # fmt: skip
+_SILENT, _IDLE = ({*TABLES[kind]["ansys"]} for kind in ("silent", "idle"))
 # A command, as opposed to rows of numbers within a block.
 _COMMAND = re.compile(r"[/*~]?[A-Z][A-Z0-9_]*$")
 # Places of a tetrahedron's nodes in a brick that is degenerate, corners and middles.
 _TETRA_IN_BRICK = (0, 1, 2, 4, 8, 9, 11, 16, 17, 18)
-_BY_CORNERS = {8: "hexahedron", 6: "wedge", 5: "pyramid", 4: "tetra"}
 
 
 @dataclass(slots=True)
@@ -94,7 +80,7 @@ def read_ansys(path: Path) -> FileMesh:
             _elements(deck, words, lines)
         elif command == "CMBLOCK":
             _component(deck, words, lines)
-        elif command not in _HARMLESS and _COMMAND.match(command):
+        elif command not in _SILENT and _COMMAND.match(command):
             if command in _IDLE and not any(word.strip("0.+-Ee") for word in words[1:]):
                 continue
             at = f"{path.name}:{len(every) - length_hint(lines)}"
@@ -192,7 +178,7 @@ def _solid(number: int, nodes: list[int]) -> tuple[str, list[int]]:
         raise SceneError(f"element {number} lacks middle nodes; write all of them, or none")
     if len(nodes) in (4, 10):
         return ("tetra" if len(nodes) == 4 else "tetra10"), nodes
-    kind = _BY_CORNERS.get(len(set(nodes[:8])), "cells of few corners")
+    kind = KINDS.get(len(set(nodes[:8])), "cells of few corners")
     if kind == "tetra":
         second = len(nodes) == 20
         places = _TETRA_IN_BRICK if second else _TETRA_IN_BRICK[:4]
@@ -219,22 +205,14 @@ def _mesh(deck: _AnsysDeck) -> FileMesh:
     """The deck with nodes and cells numbered from 0."""
     held, lost = list[tuple[int, str]](), list[tuple[DeckKeyword, str]]()
     for block in (b for b in deck.blocks if b.keyword == "D"):
-        _, node, label, value, *_ = [*block.rows[0], "", "", ""]
-        along = {"ALL": "XYZ", "UX": "X", "UY": "Y", "UZ": "Z"}.get(label)
-        if not node.isdigit() or along is None or value.strip("0.+-Ee"):
-            continue  # its reader says why
-        if len(along) == 1 and int(node) in deck.angles:
-            found = component_along(_axes(deck.angles[int(node)]), "XYZ".index(along))
-            if found is None:
-                lost.append((block, TURNED))
-                continue
-            along = "XYZ"[found[0]]
-        held += [(int(node), c.lower()) for c in along]
+        try:
+            held += _held(deck, block.rows[0])
+        except SceneError as error:
+            lost.append((block, str(error)))
     sets = deck.nodesets | held_nodes("D", held)
     mesh = numbered(deck.nodes, deck.solids, {}, deck.elements, sets)
     mesh.elements, mesh.lost = deck.others, lost
-    gone = {id(block) for block, _ in lost}
-    mesh.blocks = [block for block in deck.blocks if id(block) not in gone]
+    mesh.blocks = [block for block in deck.blocks if block.keyword != "D"]
     if deck.turned:
         names = ", ".join(map(str, sorted(deck.turned)))
         why = f"solids have element coordinate systems {names}: write the axis of the part"
@@ -242,6 +220,19 @@ def _mesh(deck: _AnsysDeck) -> FileMesh:
     return mesh
 
 
-def _axes(angles: Sequence[float]) -> Array:
-    """Axes of a node as rows: turned about z, then about the new x, then about the new y [deg]."""
-    return np.asarray(Rotation.from_euler("ZXY", angles, degrees=True).as_matrix().T)
+def _held(deck: _AnsysDeck, words: list[str]) -> list[tuple[int, str]]:
+    """Node and directions of a D, NODE, LABEL, VALUE that holds them."""
+    _, node, label, value, *more = [*words, "", ""]
+    if not node.isdigit() or any(word.strip("0.+-Ee") for word in more):
+        raise SceneError("not one node by its number and one direction")
+    along = {"ALL": "XYZ", "UX": "X", "UY": "Y", "UZ": "Z"}.get(label, "")
+    if not along or value.strip("0.+-Ee"):
+        raise SceneError("not a displacement of zero")
+    if len(along) == 1 and int(node) in deck.angles:
+        # Turned about z, then about the new x, then about the new y.
+        turn = Rotation.from_euler("ZXY", deck.angles[int(node)], degrees=True)
+        found = component_along(turn.as_matrix().T, "XYZ".index(along))
+        if found is None:
+            raise SceneError(TURNED)
+        along = "XYZ"[found[0]]
+    return [(int(node), c.lower()) for c in along]

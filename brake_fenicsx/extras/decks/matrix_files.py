@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import read_npz, reading
 
-# Node and component (1, 2, 3: displacements, 4, 5, 6: rotations) of a row.
-Label = tuple[int, int]
+# Node and component (1, 2, 3: displacements, 4, 5, 6: rotations) of each row, shape (rows, 2).
+Labels = NDArray[np.int64]
 
 # Entries below this share of the largest one tell no triangle from another.
 ROUND_OFF = 1e-6
+# Numbers as Fortran and tables write them.
+_PLAIN = str.maketrans(",Dd", " EE")
 # Rows that a matrix of any file may have.
 ROWS = 10**6
 
@@ -38,7 +40,7 @@ class LabelledMatrix:
     """
 
     A: sp.csr_matrix
-    rows: list[Label] | None
+    rows: Labels | None
 
 
 def read_matrix(path: Path) -> LabelledMatrix:
@@ -55,7 +57,8 @@ def read_matrix(path: Path) -> LabelledMatrix:
         if path.suffix == ".npz":
             matrix = LabelledMatrix(_npz(path), None)
         else:
-            head = _head(path)
+            with path.open(encoding="utf-8", errors="replace") as file:
+                head = file.read(10_000)
             if head.startswith("%%MatrixMarket"):
                 matrix = LabelledMatrix(_matrix_market(path), None)
             elif re.search(r"^DMIG", head, re.MULTILINE):
@@ -76,26 +79,21 @@ def read_matrix(path: Path) -> LabelledMatrix:
     return LabelledMatrix((0.5 * (A + A.T)).tocsr(), matrix.rows)
 
 
-def read_row_labels(path: Path) -> list[Label]:
+def read_row_labels(path: Path) -> Labels:
     """Read "node.component" (CalculiX's .dof) or "node, component", one for each row.
 
     Raises:
-        SceneError: a line that is no label.
+        SceneError: a line that is no label, or one that comes twice.
     """
     with reading(path, "as text", at=""):
-        lines = [line for line in path.read_text("utf-8").splitlines() if line.strip()]
-    labels = []
+        lines = [line.strip() for line in path.read_text("utf-8").splitlines() if line.strip()]
     for number, line in enumerate(lines, 1):
-        words = re.split(r"[.,;\s]+", line.strip())
-        if len(words) != 2 or not all(word.isdigit() for word in words):
-            raise SceneError(f"line {number}: {line.strip()!r}; write a node and a component, 12.3")
-        labels.append((int(words[0]), int(words[1])))
-    return labels
-
-
-def _head(path: Path) -> str:
-    with path.open(encoding="utf-8", errors="replace") as file:
-        return file.read(10_000)
+        if not re.fullmatch(r"\d+[.,;\s]+\d+", line):
+            raise SceneError(f"line {number}: {line!r}; write a node and a component, 12.3")
+    labels = np.array([re.split(r"[.,;\s]+", line) for line in lines], dtype=np.int64)
+    if len(np.unique(labels, axis=0)) < len(lines):
+        raise SceneError("a node and component twice; write one line for each row")
+    return labels.reshape(-1, 2)
 
 
 def _npz(path: Path) -> sp.csr_matrix:
@@ -139,28 +137,25 @@ def _check_rows(shape: Sequence[int], there: int) -> None:
 def _columns(path: Path) -> LabelledMatrix:
     """Text of three or five columns; lines that begin with * or # are headings."""
     rows: list[list[float]] = []
-    width = 0
     with path.open(encoding="utf-8-sig") as file:
         for number, line in enumerate(file, 1):
-            words = line.replace(",", " ").split()
+            words = line.translate(_PLAIN).split()
             if not words or words[0][0] in "*#%$":
                 continue
             try:
-                values = [float(word.replace("D", "E").replace("d", "e")) for word in words]
+                rows.append([float(word) for word in words])
             except ValueError:
-                values = []
-            width = width or len(values)
-            if len(values) != width or width not in (3, 5):
+                rows.append([])
+            if len(rows[-1]) not in (3, 5) or len(rows[-1]) != len(rows[0]):
                 raise SceneError(
                     f"line {number}: {line.strip()[:60]!r}; text of three columns (row, column,"
                     " entry) or five (node, component, node, component, entry) is read, and Matrix"
                     " Market, Nastran DMIG and npz: convert others, to Matrix Market for example"
                 )
-            rows.append(values)
-    table: NDArray[np.float64] = np.array(rows, float).reshape(-1, max(width, 1))
-    if not len(table):
+    if not rows:
         raise SceneError("no entries")
-    if width == 3:
+    table: NDArray[np.float64] = np.array(rows)
+    if table.shape[1] == 3:
         i, j = table[:, :2].astype(int).T - 1
         size = int(max(i.max(), j.max())) + 1
         _check_rows((size,), path.stat().st_size)
@@ -172,8 +167,7 @@ def _labelled(pairs: NDArray[np.int_], values: NDArray[np.float64]) -> LabelledM
     """A matrix from node, component, node and component of each entry."""
     labels, place = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
     i, j = place.reshape(-1, 2).T
-    names = [(int(node), int(component)) for node, component in labels]
-    return LabelledMatrix(_filled(i, j, values, len(names)), names)
+    return LabelledMatrix(_filled(i, j, values, len(labels)), labels)
 
 
 def _filled(i: NDArray, j: NDArray, values: NDArray, size: int) -> sp.csr_matrix:

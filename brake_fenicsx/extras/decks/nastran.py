@@ -17,18 +17,14 @@ from typing import Any
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh, numbered
 
+from .abaqus_scope import KINDS
+from .keywords import TABLES
+
 # Shells may mark faces, or become solids.
 SHELL_NODES = {"CTRIA3": 3, "CTRIAR": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUADR": 4, "CQUAD8": 8}
-_SOLIDS = {
-    ("CTETRA", 4): "tetra", ("CTETRA", 10): "tetra10", ("CHEXA", 8): "hexahedron",
-    ("CHEXA", 20): "hexahedron20", ("CPENTA", 6): "wedge", ("CPENTA", 15): "wedge15",
-    ("CPYRAM", 5): "pyramid", ("CPYRAM", 13): "pyramid13",
-}  # fmt: skip
-_ELEMENTS = {card for card, _ in _SOLIDS}
+_SOLIDS = {"CTETRA": (4, 10), "CHEXA": (8, 20), "CPENTA": (6, 15), "CPYRAM": (5, 13)}
 _POINTS = ("GRID", "GRDSET", "CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S")
-# Cards of which nothing is lost: methods and output of the analysis.
-HARMLESS = frozenset({"ENDDATA", "EIGRL", "EIGR", "EIGC", "EIGP", "TABDMP1", "FREQ", "FREQ1"})
-_PARAMETERS = ("POST", "AUTOSPC", "PRTMAXIM", "GRDPNT", "MAXRATIO", "COUPMASS", "BAILOUT")
+_PARAMETERS = ("WTMASS", *TABLES["idle"]["nastran"])
 
 
 def read_nastran(path: Path) -> FileMesh:
@@ -55,11 +51,10 @@ def read_nastran(path: Path) -> FileMesh:
     groups = defaultdict[str, list[int]](list)
     for number, own in model.elements.items():
         nodes = [int(n) for n in own.nodes if n]
-        kind = _SOLIDS.get((own.type, len(nodes)))
         if SHELL_NODES.get(own.type) == len(nodes):
             skins[number] = own.type, nodes
-        elif kind:
-            solids[number] = kind, nodes
+        elif len(nodes) in _SOLIDS.get(own.type, ()):
+            solids[number] = KINDS[len(nodes)], nodes
         else:
             raise SceneError(
                 f"{own.type} {number} has {len(nodes)} nodes; write all middle nodes, or none"
@@ -99,7 +94,7 @@ def _model(path: Path) -> tuple[Any, list[DeckKeyword], DeckKeyword | None]:
         try:
             fields = [word.strip() for word in to_fields(lines, name)]
             parameter = fields[1].upper() if name == "PARAM" else ""
-            if name in (*_POINTS, *_ELEMENTS, *SHELL_NODES) or parameter == "WTMASS":
+            if name in (*_POINTS, *_SOLIDS, *SHELL_NODES) or parameter == "WTMASS":
                 model.add_card_lines(lines, name)
         except Exception as error:  # pyNastran raises nothing narrower
             raise SceneError(f"{at}: {block.said}: {_short(error)}") from None
@@ -109,7 +104,9 @@ def _model(path: Path) -> tuple[Any, list[DeckKeyword], DeckKeyword | None]:
         elif name in SHELL_NODES:
             shell = model.elements[int(fields[1])]
             block.options = {"PID": str(shell.pid), "ZOFFS": str(shell.zoffset or 0.0)}
-        if name not in (*_POINTS, *_ELEMENTS) and parameter not in ("WTMASS", *_PARAMETERS):
+            if isinstance(shell.theta_mcid, int) or shell.theta_mcid:
+                block.options["THETA"] = str(shell.theta_mcid)
+        if name not in (*_POINTS, *_SOLIDS) and parameter not in _PARAMETERS:
             blocks.append(block)
     _refer(model, points)
     return model, blocks, first

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.filemesh import DeckKeyword
 
-from .abaqus_keywords import doubts
 from .abaqus_scope import Scope
+from .keywords import doubts
 
 Array = NDArray[np.float64]
 Frame = tuple[tuple[float, ...], ...]

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
@@ -24,7 +25,7 @@ from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.parts_section import Matrices
 from brake_fenicsx.scene.units import factor_to_si
 
-from .matrix_files import Label, read_matrix, read_row_labels
+from .matrix_files import Labels, read_matrix, read_row_labels
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -106,31 +107,29 @@ def read_superelement(folder: Path, given: Matrices) -> Superelement:
     labels, points, sets = asked("nodes", _nodes)
     order = None if given.dofs is None else asked("dofs", read_row_labels)
     matrices: dict[str, sp.csr_matrix] = {}
-    first: list[Label] | None = None
     scales = {"stiffness": mass / time**2, "mass": mass, "damping": mass / time}
     for name in (name for name in scales if getattr(given, name) is not None):
         read = asked(name, read_matrix)
-        own, source = read.rows or order, f"{name} = {getattr(given, name)!r}"
-        A = scales[name] * read.A
-        first = own if name == "stiffness" else first
+        own: Labels | None = order if read.rows is None else read.rows
+        A, source = scales[name] * read.A, f"{name} = {getattr(given, name)!r}"
+        if name == "stiffness":
+            first, size = own, A.shape[0]
         if own is not None and len(own) != A.shape[0]:
             raise SceneError(f"{source}: {A.shape[0]} rows, but {len(own)} in dofs")
         if (own is None) != (first is None):
             raise SceneError(f"{source}: rows without nodes, those of the stiffness have nodes")
-        size = A.shape[0] if name == "stiffness" else matrices["stiffness"].shape[0]
-        if own is not None and first is not None and own != first:
+        if own is not None and first is not None and not np.array_equal(own, first):
             A = _as_rows(A, own, first, source)
         elif A.shape[0] != size:
             raise SceneError(f"{source}: {A.shape[0]} rows, but {size} of the stiffness")
         matrices[name] = A
     if first is not None and given.modal:
         raise SceneError(f"modal = {given.modal}: the files name the rows; leave it out")
-    rows = _rows(labels, first, matrices["stiffness"].shape[0], given.modal)
-    named = {node for node, component in first or () if component <= 3}
-    body = Superelement(
-        matrices["stiffness"], matrices["mass"], matrices.get("damping"), length * points, rows,
-        sets, len(named - {*map(int, labels)}),
-    )  # fmt: skip
+    rows = _rows(labels, first, size, given.modal)
+    named = [] if first is None else first[first[:, 1] <= 3, 0]
+    K, M, C = (matrices.get(name) for name in scales)
+    unknown = np.setdiff1d(named, labels).size
+    body = Superelement(K, M, C, length * points, rows, sets, unknown)
     _check_definite(body, given)
     return body
 
@@ -146,20 +145,16 @@ def _units(given: Matrices) -> list[float]:
     return [factor_to_si(unit, wanted, f"units: {unit!r}") for unit, wanted in pairs]
 
 
-def _as_rows(
-    A: sp.csr_matrix, labels: list[Label], wanted: list[Label], source: str
-) -> sp.csr_matrix:
+def _as_rows(A: sp.csr_matrix, labels: Labels, wanted: Labels, source: str) -> sp.csr_matrix:
     """A matrix in the order of the rows of the stiffness, zero where it has none."""
-    place = {label: i for i, label in enumerate(wanted)}
-    lost = [label for label in labels if label not in place]
-    if lost:
-        raise SceneError(f"{source}: node {lost[0][0]}, component {lost[0][1]} has no stiffness")
-    rows = np.array([place[label] for label in labels])
+    rows = pd.MultiIndex.from_arrays(wanted.T).get_indexer(pd.MultiIndex.from_arrays(labels.T))
+    for node, component in labels[rows < 0][:1]:
+        raise SceneError(f"{source}: node {node}, component {component} has no stiffness")
     A = A.tocoo()
     return sp.csr_matrix((A.data, (rows[A.row], rows[A.col])), shape=2 * (len(wanted),))
 
 
-def _rows(labels: Index, first: list[Label] | None, size: int, modal: int) -> Index:
+def _rows(labels: Index, first: Labels | None, size: int, modal: int) -> Index:
     """Row of each node's displacement in x, y, z, shape (nodes, 3)."""
     if first is None:
         if size != 3 * labels.size + modal:
@@ -170,14 +165,11 @@ def _rows(labels: Index, first: list[Label] | None, size: int, modal: int) -> In
                 " dofs"
             )
         return np.arange(3 * labels.size).reshape(-1, 3)
-    place = {int(label): i for i, label in enumerate(labels)}
-    rows = np.full((labels.size, 3), -1)
-    for i, (node, component) in enumerate(first):
-        if node in place and 1 <= component <= 3:
-            rows[place[node], component - 1] = i
+    wanted = pd.MultiIndex.from_product([labels, (1, 2, 3)])
+    rows = pd.MultiIndex.from_arrays(first.T).get_indexer(wanted)
     if np.all(rows < 0):
         raise SceneError("nodes: none of them is in the matrices; compare their numbers")
-    return rows
+    return np.asarray(rows).reshape(-1, 3)
 
 
 def _nodes(path: Path) -> tuple[Index, Array, dict[str, Index]]:

@@ -263,3 +263,12 @@ def test_turned_nodes_of_ansys(angles, along, tmp_path):
     _, scene, text = drafted(tmp_path, archive(more=HELD, angles=angles), "sector.cdb")
     assert [*scene.supports.values()] == ([along] if along else [])
     assert ("along axes of its nodes that are not x, y and z" in text) == (along is None)
+
+
+@pytest.mark.parametrize(
+    "words", ["ALL,UX,0.", "RIM,UX,0.", "1,UX,0.,,4", "1,UX,0.,,,,UY", "1,TEMP,0.", "1,UX,2."]
+)
+def test_supports_of_ansys_that_are_not_taken(words, tmp_path):
+    """A component, a range, more directions, no displacement of zero: a line, and nothing held."""
+    _, scene, text = drafted(tmp_path, archive(more=f"{ISOTROPIC}D,{words}\n"), "sector.cdb")
+    assert not scene.supports and f"[supports]\n# not taken over: D,{words} (sector.cdb:" in text

@@ -536,6 +536,20 @@ def test_shells_of_nastran(tmp_path):
         write_scene(deck, scene, solid=True)
         z = 1e3 * raw(read_scene(scene), scene).points[:, 2]
         assert (z.min(), z.max()) == pytest.approx((low, low + 1.5), abs=1e-9)
+    for cards, turned, said in (
+        (half.replace(",0.,YES,8", ",45.,YES,8"), "", "layers turned by 45, 45: make each a part"),
+        (layered.replace("0.,,,", "0.,2-9,,"), "", "a mass of 2e-09 per area: write [masses]"),
+        (plain.replace(",7\n", "\n"), "", "its own bending stiffness"),
+        (half.replace("SYM", "SMEAR"), "", "its own bending stiffness"),
+        (plain, ",30.", "THETA or MCID 30.0: write the axis of the part"),
+        (plain, ",0", "THETA or MCID 0: write the axis of the part"),
+    ):
+        deck.write_text(text.format(cards).replace("2,7,8,3\n", f"2,7,8,3{turned}\n"))
+        for old in (scene, tmp_path / "shim_solid.inp"):
+            old.unlink()
+        write_scene(deck, scene, solid=True)
+        (line,) = (one for one in scene.read_text().splitlines() if "not taken over:" in one)
+        assert line.endswith(said), line
     deck.write_text(text.format(plain).replace("2,7,8,3\n", "2,7,8,3,,.75\n"))
     with pytest.raises(SceneError, match="shells with several ZOFFS; give each a property"):
         write_scene(deck, tmp_path / "other.toml", solid=True)

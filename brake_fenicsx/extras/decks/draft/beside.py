@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.extras.decks.abaqus_keywords import KNOWN, doubts
 from brake_fenicsx.extras.decks.abaqus_scope import find
+from brake_fenicsx.extras.decks.keywords import KNOWN, doubts
 from brake_fenicsx.meshing.filemesh import FileMesh, corners_of
 from brake_fenicsx.meshing.rawmesh import Stated, Unread, facet_keys
 

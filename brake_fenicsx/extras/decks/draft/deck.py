@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus import held_along
-from brake_fenicsx.extras.decks.abaqus_keywords import HARMLESS, doubts
-from brake_fenicsx.extras.decks.nastran import HARMLESS as NASTRAN_HARMLESS
+from brake_fenicsx.extras.decks.keywords import HARMLESS, doubts
 from brake_fenicsx.extras.decks.nastran import SHELL_NODES
-from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh
+from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh, listed
 
 from .materials import ABAQUS, ANSYS, NASTRAN, SHELLS, Reader, of_solids, taken
 from .statements import Deck, Quantity, axis_key, numbers
@@ -39,7 +40,7 @@ def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
         elif sign == "*DLOAD" and float(value) > 0:
             deck.add("loads", name, pressure=Quantity(float(value), "Pa"))
     readers = _READERS.get(suffix, NASTRAN)
-    harmless = HARMLESS if suffix == ".inp" else NASTRAN_HARMLESS
+    harmless = HARMLESS["abaqus" if suffix == ".inp" else "nastran"]
     for block in sorted(mesh.blocks, key=lambda block: block.keyword not in _FIRST):
         if block.keyword in SHELLS and not (solid or of_solids(mesh, block)):
             kinds = ", ".join(f"{len(own)} {kind}" for kind, own in mesh.shells.items())
@@ -55,6 +56,7 @@ def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
         if said is not None:
             deck.unread.append((block, said))
     _glue(deck)
+    _say_rigid(deck)
     return deck
 
 
@@ -63,8 +65,7 @@ def _read(deck: Deck, block: DeckKeyword, reader: Reader, abaqus: bool) -> str |
     why, aside = doubts(block) if abaqus else (None, [])
     deck.unread += [(block, text) for text in aside]
     if why is not None:
-        for key in _REPLACED.get(block.keyword, ()):
-            deck.laws[deck.about.upper()].pop(key, None)
+        deck.forget(*_REPLACED.get(block.keyword, ()))
         return why
     try:
         return reader(deck, block)
@@ -83,8 +84,7 @@ def _begin(deck: Deck, block: DeckKeyword) -> None:
     """The next keywords are about a material or an interaction; a new friction follows or none."""
     deck.about = block.options["NAME" if "NAME" in block.options else "INTERACTION"]
     if block.keyword == "CHANGE FRICTION":
-        for key in _REPLACED["FRICTION"]:
-            deck.laws[deck.about.upper()].pop(key, None)
+        deck.forget(*_REPLACED["FRICTION"])
         if "AMPLITUDE" in block.options:
             deck.about = ""
 
@@ -136,10 +136,9 @@ def _glue(deck: Deck) -> None:
 
 def _behavior(deck: Deck, block: DeckKeyword) -> str | None:
     """*SURFACE BEHAVIOR of an interaction."""
-    own, given = deck.laws[deck.about.upper()], numbers(block)
+    own, given = deck.forget("law", "tied"), numbers(block)
     kind = block.options.get("PRESSURE-OVERCLOSURE", "HARD").upper()
     own["tied"] = kind == "TIED"
-    own.pop("law", None)
     if kind == "LINEAR":
         own["law"] = {"linear": Quantity(given[0], "Pa/m")}
     if kind == "TIED" and given:
@@ -150,9 +149,7 @@ def _behavior(deck: Deck, block: DeckKeyword) -> str | None:
 
 def _friction(deck: Deck, block: DeckKeyword) -> str | None:
     """*FRICTION of an interaction: a number, a falling one, or faces that stick."""
-    own, given = deck.laws[deck.about.upper()], numbers(block)
-    for key in _REPLACED["FRICTION"]:
-        own.pop(key, None)
+    own, given = deck.forget(*_REPLACED["FRICTION"]), numbers(block)
     if "ROUGH" in block.options:
         own["slip"] = "stuck"
     elif "EXPONENTIALDECAY" in block.options:
@@ -171,15 +168,30 @@ def _friction(deck: Deck, block: DeckKeyword) -> str | None:
 def _coupling(deck: Deck, block: DeckKeyword) -> None:
     face = block.options["SURFACE" if "SURFACE" in block.options else "NSET"]
     deck.about = deck.couplings[int(deck.nodes(block.options["REFNODE"])[0])] = face
+    if block.keyword == "RIGID BODY":
+        deck.rigid[face] = block
 
 
-def _kinematic(deck: Deck, block: DeckKeyword) -> str | None:
+def _coupled_motion(deck: Deck, block: DeckKeyword) -> str | None:
     """Components of the last coupling: all displacements, or it is left out."""
     ends = [(int(row[0]), int(row[-1])) for row in block.rows]
-    if {1, 2, 3} <= {c for first, last in ends for c in range(first, last + 1)} or not ends:
-        return None
-    deck.couplings = {n: face for n, face in deck.couplings.items() if face != deck.about}
-    return "it couples some components alone: write [supports] or [springs]"
+    if ends and not {1, 2, 3} <= {c for first, last in ends for c in range(first, last + 1)}:
+        deck.couplings = {n: face for n, face in deck.couplings.items() if face != deck.about}
+        return "it couples some components alone: write [supports] or [springs]"
+    if block.keyword == "KINEMATIC":
+        deck.rigid[deck.about] = block
+    return None
+
+
+def _say_rigid(deck: Deck) -> None:
+    """Faces that are rigid in the deck, and that something acts on."""
+    tables = [deck.tables[section] for section in ("loads", "springs", "masses")]
+    used = {
+        face for own in tables for name, keys in own.items() for face in keys.get("faces", [name])
+    }
+    for face, block in deck.rigid.items():
+        if face in used:
+            deck.unread.append((block, f"{face} is not rigid: give it a layer of stiff material"))
 
 
 def _boundary(deck: Deck, block: DeckKeyword) -> str | None:
@@ -193,8 +205,8 @@ def _boundary(deck: Deck, block: DeckKeyword) -> str | None:
     for word, components in held.items():
         instance, _, number = word.rpartition(".")
         face = None if instance and number.isdigit() else deck.coupled(word)
-        if face is not None and len(components) < 6:
-            said = f"node {word} holds {face} but for some motions: write [supports] or [springs]"
+        if face is not None and (len(components) < 6 or face not in deck.rigid):
+            said = f"node {word} does not hold all points of {face}: write [supports] or [springs]"
         elif not (group := face or word).rpartition(".")[2].isdigit():
             along = {held_along([c]) for c in components} - {"r"}
             along |= {*deck.tables["supports"].get(group, {}).get("along", "")}
@@ -223,7 +235,9 @@ def _force(deck: Deck, block: DeckKeyword) -> str | None:
             continue
         kind, unit = (("force", "N"), ("moment", "N m"))[c > 2]
         own = _axes(deck, "loads", face or word, kind, unit)
-        own[c % 3] = Quantity(float(value) * count, unit)
+        own[c % 3] = Quantity(own[c % 3].value + float(value) * count, unit)
+        if face is not None and c < 3:
+            deck.levers[face].append((int(deck.nodes(word)[0]), np.eye(3)[c] * float(value)))
     return said
 
 
@@ -237,21 +251,15 @@ def _axes(deck: Deck, section: str, name: str, key: str, unit: str) -> list[Quan
 def _motion(deck: Deck, block: DeckKeyword) -> str | None:
     """*MOTION: a velocity, or an angular one about the axis from a point to another one."""
     ((name, speed, *rest),) = block.rows
-    x = [float(word or 0) for word in rest]
-    if len(x) != (6 if "ROTATION" in block.options else 3) or not float(speed):
-        return "its line is not understood"
-    turns = len(x) == 6
-    along = [b - a for a, b in zip(x[:3], x[3:], strict=True)] if turns else x
-    if not any(along):
-        return "its axis has two equal points" if turns else "it has no direction"
-    deck.motion = (
-        name,
-        {
-            **({"axis": axis_key(along)} if turns else {"direction": along}),
-            **({"point": [Quantity(v, "m") for v in x[:3]]} if turns and any(x[:3]) else {}),
-            "speed": Quantity(float(speed), "rad/s" if turns else "m/s"),
-        },
-    )
+    turns = "ROTATION" in block.options
+    x = np.array([float(word or 0) for word in rest]).reshape(1 + turns, 3)
+    along = x[-1] - x[0] * turns
+    if not any(along) or not float(speed):
+        return "it has no speed, no direction, or an axis with two equal points"
+    keys: dict[str, Any] = {"axis": axis_key(along)} if turns else {"direction": listed(along)}
+    if turns and any(x[0]):
+        keys["point"] = [Quantity(v, "m") for v in listed(x[0])]
+    deck.motion = name, keys | {"speed": Quantity(float(speed), "rad/s" if turns else "m/s")}
     return None
 
 
@@ -287,15 +295,6 @@ def _mass(deck: Deck, block: DeckKeyword) -> str | None:
     return None if ends else "its node is not coupled to a face: write [masses]"
 
 
-def _node_held(deck: Deck, block: DeckKeyword) -> str | None:
-    """D of Ansys; nodes held at zero along x, y or z are groups of the file."""
-    _, _, direction, value, *more = block.rows[0]
-    if any(word and float(word) for word in more):
-        return "more than a node and a direction in one line"
-    taken = direction in ("UX", "UY", "UZ", "ALL") and not float(value or 0)
-    return None if taken else "not a displacement of zero"
-
-
 _READERS: dict[str, dict[str, Reader]] = {
     ".inp": {
         "MATERIAL": _begin, "SURFACE INTERACTION": _begin, "CHANGE FRICTION": _begin,
@@ -303,9 +302,10 @@ _READERS: dict[str, dict[str, Reader]] = {
         "SURFACE BEHAVIOR": _behavior, "FRICTION": _friction, "TIE": _pair,
         "CONTACT PAIR": _pair, "CONTACT": taken, "CONTACT INCLUSIONS": _pair,
         "CONTACT EXCLUSIONS": _exclusions, "CONTACT PROPERTY ASSIGNMENT": _assignment,
-        "COUPLING": _coupling, "RIGID BODY": _coupling, "KINEMATIC": _kinematic,
-        "DISTRIBUTING": taken, "BOUNDARY": _boundary, "DSLOAD": _pressure, "DLOAD": _pressure,
-        "CLOAD": _force, "MOTION": _motion, "ELEMENT": _element, "SPRING": _spring, "MASS": _mass,
+        "COUPLING": _coupling, "RIGID BODY": _coupling, "KINEMATIC": _coupled_motion,
+        "DISTRIBUTING": _coupled_motion, "BOUNDARY": _boundary, "DSLOAD": _pressure,
+        "DLOAD": _pressure, "CLOAD": _force, "MOTION": _motion, "ELEMENT": _element,
+        "SPRING": _spring, "MASS": _mass,
     },
-    ".cdb": {**ANSYS, "D": _node_held},
+    ".cdb": ANSYS,
 }  # fmt: skip

@@ -10,6 +10,7 @@ from typing import Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import find
+from brake_fenicsx.extras.decks.keywords import TABLES
 from brake_fenicsx.extras.decks.nastran import SHELL_NODES, card_of
 from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh
 
@@ -18,32 +19,21 @@ from .statements import Deck, Quantity, numbers
 
 Reader = Callable[[Deck, DeckKeyword], str | None]
 
-# Constants of *ELASTIC by the start of its TYPE, in their order; places of the nine of an
-# orthotropic material among the 21 of an anisotropic one.
-_ELASTIC = {
-    "ISO": ("E", "nu"),
-    "ENG": ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23"),
-    "ORT": ("C11", "C12", "C22", "C13", "C23", "C33", "C66", "C55", "C44"),
-}
-_ORTHOTROPIC = (0, 1, 2, 3, 4, 5, 9, 14, 20)
-_ANSYS = {
-    "EX": "E1", "EY": "E2", "EZ": "E3", "PRXY": "nu12", "PRXZ": "nu13", "PRYZ": "nu23",
-    "GXY": "G12", "GXZ": "G13", "GYZ": "G23", "NUXY": "nu", "DENS": "rho",
-}  # fmt: skip
+_NAMES = TABLES["constants"]
 
 
 def _elastic(deck: Deck, block: DeckKeyword) -> str | None:
     kind, given = block.options.get("TYPE", "ISOTROPIC").upper()[:3], numbers(block)
     # One temperature may follow the constants.
-    count = 21 if kind == "ANI" else len(_ELASTIC[kind])
+    count = 21 if kind == "ANI" else len(_NAMES[kind])
     if len(given) not in (count, count + 1) or (kind == "ISO" and len(block.rows) > 1):
         return f"{len(given)} numbers: constants of several temperatures, or of none"
     if kind == "ANI":
-        rest = [v for i, v in enumerate(given[:21]) if i not in _ORTHOTROPIC]
+        rest = [v for i, v in enumerate(given[:21]) if i not in _NAMES["orthotropic"]]
         if max(map(abs, rest)) > 1e-9 * max(given):
             return "anisotropic; no model of a scene has these constants"
-        kind, given = "ORT", [given[i] for i in _ORTHOTROPIC]
-    pairs = zip(_ELASTIC[kind], given, strict=False)
+        kind, given = "ORT", [given[i] for i in _NAMES["orthotropic"]]
+    pairs = zip(_NAMES[kind], given, strict=False)
     c: dict[str, Any] = {n: Quantity(v, "" if n[0] == "n" else "Pa") for n, v in pairs}
     if kind == "ENG":
         c = _engineering(c)
@@ -113,7 +103,7 @@ def _constants(deck: Deck, block: DeckKeyword) -> str | None:
     value, *more = words[3:] if block.keyword == "MP" else words[6:]
     name, own = f"MAT{number}", deck.constants[f"MAT{number}"]
     deck.sections[name] = name
-    if (key := _ANSYS.get(label)) is None:
+    if (key := _NAMES["ansys"].get(label)) is None:
         return "no elastic constant or density"
     deck.tables["materials"].pop(name, None)
     if any(more) or label in own:
@@ -121,7 +111,7 @@ def _constants(deck: Deck, block: DeckKeyword) -> str | None:
         return "several values of one constant"
     unit = {"E": "Pa", "G": "Pa", "r": "kg/m^3"}.get(key[0], "")
     own[label] = Quantity(float(value), unit)
-    given = {_ANSYS[one]: q for one, q in own.items() if one}
+    given = {_NAMES["ansys"][one]: q for one, q in own.items() if one}
     rho = {"rho": given.pop("rho")} if "rho" in given else {}
     if "" in own or not given:
         return None
@@ -129,7 +119,7 @@ def _constants(deck: Deck, block: DeckKeyword) -> str | None:
         nu = {"nu": given.get("nu", given.get("nu12"))} if len(given) > 1 else {}
         if "E1" in given:
             deck.add("materials", name, model="isotropic", E=given["E1"], **nu, **rho)
-    elif given.keys() == {*_ELASTIC["ENG"]}:
+    elif given.keys() == {*_NAMES["ENG"]}:
         deck.add("materials", name, model="orthotropic", **_engineering(given), **rho)
     return None
 
@@ -163,12 +153,19 @@ def _property(deck: Deck, block: DeckKeyword) -> str | None:
     if len(zoffs) > 2:
         raise SceneError(f"{said}: shells with several ZOFFS; give each a property of its own")
     deck.add_shells(ShellSection(str(number), layers, offset - zoffs[0], said))
-    return None
+    turned = [] if plain else [f"{angle:g}" for angle in own.get_thetas() if angle]
+    lost = [f"layers turned by {', '.join(turned)}: make each a part"] * bool(turned)
+    lost += [f"a mass of {own.nsm:g} per area: write [masses]"] * bool(own.nsm)
+    bends = (own.mid2 and own.twelveIt3 == 1.0) if plain else own.lam in (None, "SYM")
+    lost += [] if bends else ["its own bending stiffness"]
+    return "; ".join(lost) or None
 
 
-def _zoffs(deck: Deck, block: DeckKeyword) -> None:
-    """How far the middle of a shell of Nastran is from its grid points."""
+def _shell_of_nastran(deck: Deck, block: DeckKeyword) -> str | None:
+    """How far the middle of a shell is from its grid points, and whether its axes are turned."""
     deck.zoffs[block.options["PID"]].add(float(block.options["ZOFFS"]))
+    said = f"THETA or MCID {block.options.get('THETA')}: write the axis of the part"
+    return said if "THETA" in block.options else None
 
 
 def taken(deck: Deck, block: DeckKeyword) -> None:
@@ -181,7 +178,7 @@ ABAQUS: dict[str, Reader] = {
 }  # fmt: skip
 ANSYS: dict[str, Reader] = {"MP": _constants, "MPDATA": _constants}
 NASTRAN: dict[str, Reader] = {
-    **dict.fromkeys(SHELL_NODES, _zoffs),
+    **dict.fromkeys(SHELL_NODES, _shell_of_nastran),
     **dict.fromkeys(("PSOLID", "PSHELL", "PCOMP"), _property),
     "MAT1": _material,
 }

@@ -21,7 +21,7 @@ from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh
 from brake_fenicsx.scene.keys import dotted
 from brake_fenicsx.scene.units import MODULI, factor_to_si, quantity_text
 
-from .shell_surface import ShellSection
+from .shell_surface import Array, ShellSection
 
 # Consistent units of length, mass and time; densities of solids [kg/m^3], lengths of brakes [m].
 SYSTEMS = ("mm t s", "m kg s", "mm kg ms", "mm g ms", "inch slinch s")
@@ -57,6 +57,8 @@ class Deck:
         motion: set of nodes that moves, and keys of [motion].
         shells: sections of shells that become solid.
         couplings: place of a reference node -> group of the face.
+        rigid: group of a face that is rigid -> what makes it so.
+        levers: group of a face -> places of reference nodes, and the force at each.
         ends: set of springs or masses -> faces that the nodes of each are coupled to.
         zoffs: property of shells of Nastran -> distances of their middle from the grid points.
         about: material or interaction that the next keywords are about.
@@ -74,6 +76,8 @@ class Deck:
     motion: tuple[str, dict[str, Any]] | None = None
     shells: list[ShellSection] = field(default_factory=list)
     couplings: dict[int, str] = field(default_factory=dict)
+    rigid: dict[str, DeckKeyword] = field(default_factory=dict)
+    levers: dict[str, list[tuple[int, Array]]] = field(default_factory=lambda: defaultdict(list))
     ends: dict[str, list[list[str]]] = field(default_factory=lambda: defaultdict(list))
     zoffs: dict[str, set[float]] = field(default_factory=lambda: defaultdict(set))
     about: str = ""
@@ -91,6 +95,13 @@ class Deck:
         self.shells.append(section)
         pairs = zip(section.sets, section.layers, strict=True)
         self.sections |= {name: material for name, (_, material) in pairs}
+
+    def forget(self, *keys: str) -> dict[str, Any]:
+        """Keys of the interaction that the next keywords are about, without some of them."""
+        own = self.laws[self.about.upper()]
+        for key in keys:
+            own.pop(key, None)
+        return own
 
     def nodes(self, name: str) -> NDArray[np.int64]:
         """Nodes of a set, or the one of a number."""

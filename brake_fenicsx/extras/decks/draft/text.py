@@ -13,9 +13,12 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import find
-from brake_fenicsx.meshing.filemesh import NO_CELLS, DeckKeyword, FileMesh
+from brake_fenicsx.extras.decks.keywords import TABLES
+from brake_fenicsx.meshing.filemesh import NO_CELLS, DeckKeyword, FileMesh, listed
 from brake_fenicsx.meshing.meshfile import read_mesh_file
 from brake_fenicsx.scene.keys import dotted
 from brake_fenicsx.scene.units import several
@@ -26,20 +29,6 @@ from .motion import moving_part, proposed_motion
 from .shells import solid_shells, write_abaqus
 from .statements import Deck, Quantity, guessed_units, moduli, si, toml
 
-# Section in whose place a keyword is named, by its start, of short ones whole; [ties] for others.
-_PLACES = {
-    "mesh": ("STEP", "STATIC", "GRID", "GRDSET", "TRANSFORM"),
-    "contact": ("CONTACT", "BCT", "BCON", "FRICTION", "CHANGE", "SURFACE", "CLEARANCE", "MODEL",
-                "GAP"),
-    "materials": ("ELASTIC", "DAMPING", "DENSITY", "MAT", "MP", "MPDATA", "TB", "EXPANSION",
-                  "PLASTIC"),
-    "parts": ("SOLID", "SHELL", "ELEMENT", "PSOLID", "PSHELL", "PCOMP"),
-    "supports": ("BOUNDARY", "SPC", "BASE", "D"),
-    "loads": ("CLOAD", "DLOAD", "DSLOAD", "FORCE", "MOMENT", "PLOAD", "F", "SF", "SFE", "TEMP",
-              "GRAV"),
-    "motion": ("MOTION",), "springs": ("SPRING", "DASHPOT", "CONNECTOR", "CELAS", "CBUSH"),
-    "masses": ("MASS", "CONM"), "stability": ("FREQUENCY", "COMPLEX"),
-}  # fmt: skip
 # Sections about faces, and all in their order.
 _ON_FACES = ("contact", "ties", "supports", "loads", "springs", "masses")
 _ORDER = ("mesh", "mesh.groups", "parts", "materials", *_ON_FACES, "motion", "stability")
@@ -53,6 +42,7 @@ _HEAD = """\
 stages = {}
 """
 _BAND = "5 kHz"
+NEAR = 0.01  # distance of a reference node from the middle of its face, over a side
 SAID = 8  # remarks on the terminal
 
 
@@ -178,8 +168,26 @@ class Draft:
                     both = " and ".join({**before, **keys})
                     self._lost(section, f"{name}: {both} twice on {faces[0]}: write their sum")
                 else:
-                    placed[faces[0]] = placed.get(faces[0], {}) | keys
+                    levered = self._levered(section, name, faces[0], keys)
+                    placed[faces[0]] = placed.get(faces[0], {}) | levered
         return placed
+
+    def _levered(self, section: str, name: str, face: str, keys: dict[str, Any]) -> dict[str, Any]:
+        """Keys of what acts at a reference node away from the middle of its face."""
+        own, unit = self.bodies.faces[face], si(Quantity(1.0, "m"), self.units)
+        middle = np.average(own.centre, axis=0, weights=own.areas) / unit
+        near, x = NEAR * np.sqrt(own.areas.sum()) / unit, self.found.points
+        nodes = [node for node, group in self.deck.couplings.items() if group == name]
+        if all(np.linalg.norm(x[node] - middle) <= near for node in nodes):
+            return keys
+        levers = [np.cross(x[node] - middle, force) for node, force in self.deck.levers[name]]
+        if section != "loads":
+            self._lost(section, f"{name}: its node is away from the middle of {face}")
+        elif levers:
+            given = keys.get("moment", [Quantity(0.0, "N m")] * 3)
+            pairs = zip(given, listed(np.sum(levers, axis=0)), strict=True)
+            keys = keys | {"moment": [Quantity(q.value + more, "N m") for q, more in pairs]}
+        return keys
 
     def _faces(self, section: str, name: str, keys: dict[str, Any]) -> list[list[str]]:
         """Faces, or pairs of them, of the scene that a table is on."""
@@ -291,7 +299,7 @@ class Draft:
             said = f"{first.said} ({first.at}{f' and {len(more)} more' if more else ''})"
             places = (
                 p
-                for p, starts in _PLACES.items()
+                for p, starts in TABLES["places"].items()
                 if word in starts or word.startswith(tuple(s for s in starts if len(s) > 2))
             )
             place = next(places, "ties")
