@@ -137,8 +137,9 @@ class SlidingFriction:
         along = self.slope * p if falls else np.zeros_like(p)
         across = np.zeros_like(p)
         if turns:
-            # Faces that stick have neither speed nor friction.
-            np.divide(self.mu * p, self.speed, out=across, where=self.speed > 0)
+            # Faces that stick have neither speed nor friction. A negative mu, of a disc that turns
+            # the other way, damps as a positive one does.
+            np.divide(np.abs(self.mu) * p, self.speed, out=across, where=self.speed > 0)
         return along, across
 
     def traction(

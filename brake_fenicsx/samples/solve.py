@@ -77,7 +77,11 @@ def modes_of_sample(
 
 
 def reduced_modes(
-    models: Models, sample: SampleInput, eq: Equilibrium, line: Basis | None = None
+    models: Models,
+    sample: SampleInput,
+    eq: Equilibrium,
+    line: Basis | None = None,
+    growing: bool = False,
 ) -> Modes:
     """Modes of a sample at its equilibrium by the reduced model.
 
@@ -86,11 +90,12 @@ def reduced_modes(
         sample: the sample.
         eq: its equilibrium.
         line: the sample at other values of a parameter.
+        growing: whether modes that grow or may grow are enough.
     """
     contact = linearised(sample, eq.k_vibration, eq.p)
     model = models.reduction.of(sample.approach)
     given = sample.brake.point, contact, models.reduction.settings.zeta_max
-    return model.modes(*given) if line is None else line.modes(model, *given)
+    return model.modes(*given, growing) if line is None else line.modes(model, *given)
 
 
 def full_modes(

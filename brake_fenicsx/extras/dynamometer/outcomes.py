@@ -106,17 +106,15 @@ def shares(states: Frame, modes: Frame, events: Frame, name: str, keys: Iterable
         squeal there, squeal_samples, share, share_low, share_high, and measured_stops, nan without
         events.
     """
-    parts = dict[Any, Frame]()
-    for key in (ALL, *keys):
-        own, heard = (t[(t[name] == key) | (key == ALL)] for t in (modes, events))
-        each, stops = own.groupby("state"), heard.groupby("state").stop.nunique()
-        hits = each["sample"].nunique().reindex(states.index, fill_value=0)
-        part = states.assign(frequency_hz=each.frequency_hz.median(), squeal_samples=hits)
-        cells = [wilson(*pair).cells for pair in zip(hits, states.samples, strict=True)]
-        part[["share", "share_low", "share_high"]] = np.array(cells, float)
-        measured = stops.reindex(states.index, fill_value=0) if len(events) else np.nan
-        parts[key] = part.assign(measured_stops=measured)
-    return pd.concat(parts, names=[name, "state"]).reset_index()
+    rows = pd.MultiIndex.from_product([[ALL, *keys], states.index], names=[name, "state"])
+    doubled = (pd.concat([t.assign(**{name: ALL}), t]) for t in (modes, events))
+    squeal, heard = (t.groupby([name, "state"], sort=False) for t in doubled)
+    found = states.reindex(rows, level="state").assign(frequency_hz=squeal.frequency_hz.median())
+    found["squeal_samples"] = squeal["sample"].nunique().reindex(rows, fill_value=0)
+    cells = [wilson(*pair).cells for pair in zip(found.squeal_samples, found.samples, strict=True)]
+    found[["share", "share_low", "share_high"]] = np.array(cells, float)
+    stops = heard.stop.nunique().reindex(rows, fill_value=0)
+    return found.assign(measured_stops=stops if len(events) else np.nan).reset_index()
 
 
 def by_family(states: Frame, modes: Frame, events: Frame) -> Frame:

@@ -98,8 +98,7 @@ def _named(family: str) -> str:
 def _shown(run: RunData, name: str) -> Frame:
     """Rows of a table of the approach that the verdict is about."""
     table = pd.DataFrame(run.extras.get(name, {"approach": []}))
-    found = table[table.approach == run.lead].drop(columns="approach")
-    return found.reindex(columns=dict.fromkeys([*AXES, *found])) if name == "states" else found
+    return table[table.approach == run.lead].drop(columns="approach")
 
 
 def _likeliest(states: Frame, turns: str) -> str:

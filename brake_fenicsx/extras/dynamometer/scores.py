@@ -102,9 +102,8 @@ def shares_by_threshold(modes: Frame, samples: Any) -> tuple[Array, Array]:
         Thresholds, rising, and shares that are neither 0 nor 1, shape (thresholds, states).
     """
     growth = -modes.groupby(["state", "sample"]).damping.min()
-    steps = np.quantile(growth, np.linspace(0, 1, GRID)) if growth.size else growth.to_numpy()
-    tried = np.unique([0.0, *0.5 * (steps[1:] + steps[:-1])])
-    sizes = {k: np.sort(own) for k, own in growth.groupby("state")}
-    each = (sizes.get(k, steps[:0]) for k in samples.index)
-    counts = np.transpose([own.size - np.searchsorted(own, tried, "right") for own in each])
+    steps = growth.quantile(np.linspace(0, 1, GRID)).dropna()
+    tried = np.unique([0.0, *steps.rolling(2).mean().dropna()])
+    beyond = (growth[growth > x].groupby("state").size() for x in tried)
+    counts = np.array([each.reindex(samples.index, fill_value=0) for each in beyond])
     return tried, (counts + 0.5) / (samples.to_numpy() + 1.0)

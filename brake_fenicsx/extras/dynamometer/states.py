@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
@@ -16,13 +17,15 @@ from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.keys import key
 from brake_fenicsx.scene.samples_section import split_key, unit_of
-from brake_fenicsx.scene.scalars import SPEED, changes_bodies, check_scalar
+from brake_fenicsx.scene.scalars import SPEED, changes_bodies, check_scalar, si_unit
 from brake_fenicsx.scene.units import to_si
 
 Frame = Any  # pandas.DataFrame
 AXES = ("pressure", "speed", "temperature")
 RISING = (lambda f: len(f) > 1 and [*f] == sorted({*f}), "write two or more rising frequencies")
 WAYS = ("forward", "reverse")
+UNSAID = {"direction": WAYS[0], "section": "", "stops": 1.0}  # where a matrix does not say it
+GAP = 'write a length with units, as "1 um * (r - 118 mm) / (22 mm)", or a CSV file of x, y, gap'
 REMEDY = "write known names with their unit, pressure [bar], speed [rad/s], temperature [degC]"
 
 
@@ -117,17 +120,16 @@ def read_columns(path: Path, units: Callable[[str], str | None], grid: Any = Non
 
 def units_of_state(scene: Scene, **more: str | None) -> dict[str, str | None]:
     """SI units of the numbers of a state, and others."""
-    turns = scene.motion is None or scene.motion.direction is None
-    units = {"pressure": "Pa", "speed": "rad/s" if turns else "m/s", "temperature": "degC"}
-    return {**units, "direction": None, **more}
+    numbers = {"pressure": "Pa", "speed": si_unit(scene, SPEED), "temperature": "degC"}
+    return {**numbers, "direction": None, **more}
 
 
 def read_matrix(scene: Scene) -> Frame:
     """The states of a scene, of its file or its grid, numbered from 1.
 
     Returns:
-        Columns pressure [Pa], speed [rad/s or m/s] and temperature [degC], those that are given;
-        direction, section and stops.
+        Columns pressure [Pa], speed [rad/s or m/s] and temperature [degC], nan where they are not
+        given; direction, section and stops.
 
     Raises:
         SceneError: file or key, value and remedy.
@@ -136,12 +138,10 @@ def read_matrix(scene: Scene) -> Frame:
     path = scene.path(table.matrix or "states.grid")
     units = units_of_state(scene, section=None, stops="").__getitem__
     given = read_columns(path, units, table.grid)
-    rest = {"direction": WAYS[0], "section": "", "stops": 1.0}
-    states = given.assign(**{name: x for name, x in rest.items() if name not in given})
-    positive = states[[name for name in ("pressure", "speed", "stops") if name in states]] > 0
-    right = positive.all(axis=1) & (states.stops % 1 == 0) & states.direction.isin(WAYS)
-    for i in states.index[~right]:
-        line = f"{path}: line {i + 2}: {', '.join(map(str, states.loc[i]))}"
+    states = given.reindex(columns=[*AXES, *UNSAID]).fillna(UNSAID)
+    wrong = (states[["pressure", "speed", "stops"]] <= 0).any(axis=1) | (states.stops % 1 != 0)
+    for i in states.index[wrong | ~states.direction.isin(WAYS)]:
+        line = f"{path}: line {i + 2}: {', '.join(map(str, given.loc[i]))}"
         raise SceneError(f"{line}: positive numbers, whole stops, {' or '.join(WAYS)} are needed")
     return states.astype({"stops": int}).set_index(states.index + 1)
 
@@ -152,13 +152,9 @@ def state_values(scene: Scene, states: Frame) -> Frame:
     Raises:
         SceneError: a key is none, or a table does not reach a state.
     """
-    import pandas as pd
-
-    found = dict[str, Any]()
-    for name, load in scene.loads.items():
-        if "pressure" in states and load.pressure is not None:
-            found[f"loads.{name}.pressure"] = states.pressure
-    if "speed" in states and scene.motion is not None:
+    pressed = (name for name, load in scene.loads.items() if load.pressure is not None)
+    found = {f"loads.{name}.pressure": states.pressure for name in pressed}
+    if scene.motion is not None:
         with suppress(SceneError):  # else nothing but the tables depends on it
             check_scalar(scene, "states", SPEED)
             found[SPEED] = np.copysign(states.speed, scene.motion.rate)
@@ -166,7 +162,7 @@ def state_values(scene: Scene, states: Frame) -> Frame:
         found |= _interpolated(scene.path(name), scene, states)
     written = {split_key(name): name for name in scene.varied}
     values = {written.get(split_key(name), name): x for name, x in found.items()}
-    return pd.DataFrame(values, states.index, dtype=float)
+    return states[[]].assign(**values).dropna(axis=1)
 
 
 def _interpolated(path: Path, scene: Scene, states: Frame) -> dict[str, Any]:
@@ -180,7 +176,7 @@ def _interpolated(path: Path, scene: Scene, states: Frame) -> dict[str, Any]:
         check_scalar(scene, str(path), name)
     table, nodes = table.sort_values(over), [np.unique(table[name]) for name in over]
     whole = over and keys and np.array_equal(table[over], [*product(*nodes)])
-    if not whole or {*over} - {*states}:
+    if not whole or states[over].isna().any(axis=None):
         raise SceneError(f"{path}: write a line for each combination of numbers that states have")
     low, high = table[over].min(), table[over].max()
     held = states[over].clip(low, high, axis=1)
@@ -192,3 +188,41 @@ def _interpolated(path: Path, scene: Scene, states: Frame) -> dict[str, Any]:
         raise SceneError(f'{path}: {value} {ends} states.outside = "hold"')
     values = table[keys].to_numpy().reshape(*map(len, nodes), len(keys))
     return dict(zip(keys, RegularGridInterpolator(nodes, values)(held).T, strict=True))
+
+
+def imposed_gap(scene: Scene, contact: Any, state: Mapping[str, float]) -> np.ndarray:
+    """Gap that a state adds to each contact element [m], shape (elements,).
+
+    Args:
+        scene: its section ``states.gap`` has a formula or a file for an interface. A formula has
+            units, "1 um * (r - 118 mm) / (22 mm)"; its names are x, y, z, r, the distance from the
+            axis, and the numbers of the state. Pint evaluates it; it is never run as code.
+        contact: the elements.
+        state: pressure [Pa], speed [rad/s or m/s] and temperature [K above 0 degC].
+
+    Raises:
+        SceneError: the formula or the file is none.
+    """
+    import pint
+    from scipy.interpolate import RBFInterpolator
+
+    from brake_fenicsx.build.interfaces import scene_motion
+    from brake_fenicsx.macro.sliding_friction import Rotation
+
+    x, motion, out = contact.points, scene_motion(scene), np.zeros(contact.interface.size)
+    flat = motion.local(x) if isinstance(motion, Rotation) else x
+    units = units_of_state(scene, temperature="delta_degC", **dict.fromkeys([*"xyzr", "gap"], "m"))
+    registry: Any = pint.get_application_registry()  # type: ignore[no-untyped-call, unused-ignore]
+    numbers = {**state, **dict(zip("xyzr", [*x.T, np.hypot(*flat.T[:2])], strict=True))}
+    known = {name: registry.Quantity(value, units[name]) for name, value in numbers.items()}
+    for name, given in scene.section("states").gap.items():
+        with reading(None, "as a gap", GAP, at=f"states.gap.{name} = {given[:80]!r}: "):
+            if given.endswith(".csv"):
+                table = read_columns(scene.path(given), units.__getitem__)
+                found = RBFInterpolator(table[["x", "y"]], table.gap, kernel="linear")(x[:, :2])
+            else:
+                found = registry.parse_expression(given, **known).to("m").magnitude
+            out = np.where(contact.interface == [*scene.contact].index(name), found, out)
+            if not np.isfinite(out).all() or re.search(r"[^\w\s.+*/()-]", given):
+                raise ValueError("it is no number on some contact element")
+    return out

@@ -331,12 +331,16 @@ class ReducedModel:
             # Of undamped modes, two that are close to one another may be a growing pair.
             pairs = (close.sum(axis=1) > 1) & (not self.rows.rates)
             some = np.flatnonzero(close @ (grows | pairs))
+
+            def with_movers(some: Index, rest: Complex) -> Index:
+                moved = moved_by_others(found, some, rest, sample.T)[:, grows[some]]
+                return np.union1d(some, np.flatnonzero(moved.sum(axis=1) > ALONE))
+
+            # A residual of few digits tells nearly all of them, and spares a second quotient.
+            some = with_movers(some, sample.residual(found.taken(some)))
         q = sample.quotient(found.taken(some))
-        if growing:
-            moved = moved_by_others(found, some, q, sample.T)[:, grows[some]].sum(axis=1)
-            if (more := np.setdiff1d(np.flatnonzero(moved > ALONE), some)).size:
-                some = np.union1d(some, more)
-                q = sample.quotient(found.taken(some))
+        if growing and (more := with_movers(some, q.rest)).size > some.size:
+            some, q = more, sample.quotient(found.taken(more))
         found = found.taken(some)
         return found, q, sample.polynomial_errors(found.z, q)
 

@@ -179,13 +179,13 @@ def corrected(found: Zeros, q: Quotient, interpolated: Array) -> Corrected:
     return Corrected(zeros, new, SAFETY * np.where(first < CLOSE * gap, simple, close))
 
 
-def moved_by_others(found: Zeros, some: Index, q: Quotient, T: Array) -> Array:
+def moved_by_others(found: Zeros, some: Index, rest: Complex, T: Array) -> Array:
     """What each of all zeros would add to the quotients of some of them, to second order.
 
     Args:
         found: all zeros near the band.
         some: those that have a quotient.
-        q: the quotient.
+        rest: residuals T(z) a of these, shape (kept modes, chosen).
         T: coefficients of the expanded T(z).
 
     Returns:
@@ -195,8 +195,9 @@ def moved_by_others(found: Zeros, some: Index, q: Quotient, T: Array) -> Array:
     slopes = np.einsum("im,im->m", found.left, applied(slope, found.z, found.right))
     apart = np.abs(found.z[:, None] - found.z[some])
     apart[some] = np.inf
-    products = np.abs(found.left.T @ q.rest) ** 2
-    return np.asarray(products / np.abs(np.outer(slopes, q.slope)) / np.maximum(apart, 1e-300))
+    products = np.abs(found.left.T @ rest) ** 2
+    sizes = np.maximum(np.abs(np.outer(slopes, slopes[some])), 1e-300)
+    return np.asarray(products / sizes / np.maximum(apart, 1e-300))
 
 
 def distances(z: Complex, chosen: Index, number: int = 1) -> Array:

@@ -206,6 +206,14 @@ class SampleProblem:
         left = left + _second_order(self.T, z, beside, rest, back) + _round_off(self.E, w, eta, u)
         return Quotient(products, rest, slope, left / np.abs(slope), y, a, np.vstack([eta, b]))
 
+    def residual(self, found: Zeros) -> Complex:
+        """T(z) a of some zeros, with y after one step from its series: all but its last digits."""
+        z, a, w = found.z, found.right, self.rows.variable(found.z)
+        y = applied(self.y, z, a)
+        u = self.gaps_and_rates(z, y)
+        y = y + self.solve(u - y + applied(self.source, w, a) - applied(self.E, w, u))
+        return applied(self.own, w, a) + applied(self.forced, w, self.gaps_and_rates(z, y))
+
     def slope(
         self,
         z: Complex,

@@ -1,13 +1,13 @@
 """States, tables over their numbers, and imposed gaps, as files and scenes write them."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.extras.dynamometer.state_modes import imposed_gap
-from brake_fenicsx.extras.dynamometer.states import read_matrix, state_values
+from brake_fenicsx.extras.dynamometer.states import imposed_gap, read_matrix, state_values
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.micro import OneLaw, exponential_law
 from brake_fenicsx.scene import read_scene
@@ -110,11 +110,14 @@ def test_what_is_no_table_is_named(table, said, scene):
         scene(table=table)
 
 
-def gap(text, r, **state):
-    """A gap on elements along the axis x; a pad alone."""
-    contact = SimpleNamespace(interface=np.zeros(r.size, int), points=np.array([r, 0 * r, 0 * r]).T)
+def gap(text, x, y=0.0, folder=Path(), **state):
+    """A gap on elements of the plane z = 0; a pad alone."""
+    points = np.stack(np.broadcast_arrays(x, y, 0.0), axis=1)
+    contact = SimpleNamespace(interface=np.zeros(len(points), int), points=points)
     table = SimpleNamespace(gap={"pad": text})
-    scene = SimpleNamespace(contact={"pad": None}, motion=None, section=lambda name: table)
+    scene = SimpleNamespace(
+        contact={"pad": None}, motion=None, section=lambda name: table, path=folder.joinpath
+    )
     return imposed_gap(scene, contact, state)
 
 
@@ -128,12 +131,8 @@ def test_a_gap_of_a_file_is_exact_at_its_points(tmp_path):
     x = np.array([[-1e-3, 0.0], [2e-3, 1e-3], [0.0, -1e-3], [1e-3, 2e-3]])
     rows = "\n".join(f"{1e3 * a},{1e3 * b},{i}" for i, (a, b) in enumerate(x))
     (tmp_path / "wear.csv").write_text(f"x [mm],y [mm],gap [um]\n{rows}\n")
-    contact = SimpleNamespace(interface=np.zeros(4, int), points=np.insert(x, 2, 0.0, axis=1))
-    table = SimpleNamespace(gap={"pad": "wear.csv"})
-    scene = SimpleNamespace(
-        contact={"pad": None}, motion=None, section=lambda name: table, path=tmp_path.joinpath
-    )
-    np.testing.assert_allclose(imposed_gap(scene, contact, {}), 1e-6 * np.arange(4), atol=1e-15)
+    found = gap("wear.csv", *x.T, tmp_path)
+    np.testing.assert_allclose(found, 1e-6 * np.arange(4), atol=1e-15)
 
 
 @pytest.mark.hard
@@ -144,7 +143,8 @@ def test_a_gap_of_a_file_is_exact_at_its_points(tmp_path):
 )  # fmt: skip
 def test_what_is_no_gap_is_named(text):
     """A gap is a formula that gives a length, never code, or a file that is there."""
-    with pytest.raises(SceneError, match=r"states.gap.pad = .*; write a length with units"):
+    said = r"states.gap.pad = .*; write a length with units|none/there.csv: no such file"
+    with pytest.raises(SceneError, match=said):
         gap(text, np.ones(2))
 
 
