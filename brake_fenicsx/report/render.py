@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -18,38 +19,23 @@ from brake_fenicsx.compat import vtk_cells
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.meshing.rawmesh import body_of_points
 
-from .style import CYCLE, house_style
+from .style import CYCLE, DPI, WIDTH, house_style
 
 # What is seen, and the side of the eye along z.
 VIEWS = (("seen from z > 0", 1.0), ("seen from z < 0", -1.0))
 SHAPE_COLOURS = "viridis"
-PIXELS = (1000, 600)
+BORDER = 12  # white pixels around what is drawn
+FINE = 2  # pixels are drawn so many times finer and averaged: quicker than multisampling
+BAND, FOOT = 0.22, 0.55  # height [in] of a line of text, and of the colour bar
+NAMES = 5  # of a legend in a line
+WIDE = 1.4  # views of a larger ratio of width and height stand below each other
 SCALE = 0.08  # largest displacement as drawn, as a share of the model's radius
 DISTANCE = 0.12  # between neighbouring bodies, likewise
-MARGIN = 0.1  # of the model's radius around a surface: what moves stays in the picture
 LIGHT: dict[str, Any] = {"ambient": 0.45, "diffuse": 0.65, "specular": 0.0}
 SHAPE = {  # how a mode shape is coloured
     "scalars": "amplitude", "cmap": SHAPE_COLOURS, "clim": (0.0, 1.0), "show_scalar_bar": False,
     **LIGHT,
 }  # fmt: skip
-
-
-def trim(images: list[NDArray], margin: int = 12) -> list[NDArray]:
-    """RGB pictures on one size about their middles, without the border that is white in all."""
-    frame = np.max([image.shape for image in images], axis=0)
-    before = [(frame - image.shape) // 2 for image in images]
-    images = [
-        np.pad(image, np.transpose([b, frame - image.shape - b]), constant_values=255)
-        for image, b in zip(images, before, strict=True)
-    ]
-    ink = np.any([(image < 250).any(axis=2) for image in images], axis=0)
-    marked = np.argwhere(ink)
-    if marked.size == 0:
-        return images
-    (top, left), (bottom, right) = marked.min(axis=0), marked.max(axis=0)
-    rows = slice(max(top - margin, 0), bottom + margin)
-    columns = slice(max(left - margin, 0), right + margin)
-    return [image[rows, columns] for image in images]
 
 
 def compose(
@@ -59,39 +45,41 @@ def compose(
     note: str,
     legend: Mapping[str, str] | None = None,
 ) -> None:
-    """Put both views side by side under one heading, with the colour bar or the legend."""
+    """Put both views pixel by pixel under one heading, with the colour bar or the legend."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
+    width, wide = round(WIDTH * DPI), images[0].shape[1] > WIDE * images[0].shape[0]
+    column = width if wide else width // 2
+    lines = FOOT if legend is None else BAND * (1 + ceil(len(legend) / NAMES))
+    band, foot = round(BAND * DPI), round(lines * DPI)
+    head = band * bool(title)
+    rows = [image.shape[0] + band for image in images]
+    height = head + (sum(rows) if wide else max(rows)) + foot
     with house_style():
-        height, width = images[0].shape[:2]
-        wide = width > 1.4 * height
-        rows, columns = (2, 1) if wide else (1, 2)
-        tall = 7.2 / columns * height / width * rows
-        figure = Figure(figsize=(7.2, tall + 1.2), layout="constrained")
-        ratios = [1.0] * rows + [0.16 * rows / tall]
-        grid = figure.add_gridspec(rows + 1, columns, height_ratios=ratios)
+        figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+        figure.text(0.5, 1 - 0.5 * band / height, title, ha="center", va="center", fontsize=10)
         for j, (image, (view, _)) in enumerate(zip(images, VIEWS, strict=True)):
-            axis = figure.add_subplot(grid[j, 0] if wide else grid[0, j])
-            axis.imshow(image, interpolation="antialiased")
-            order = ", bottom body on the left" if wide else ""
-            axis.set_title(view + order, loc="center", fontsize=8.5, color="#404040")
-            axis.set_axis_off()
-            axis.set(xticks=(), yticks=())  # the layout would measure them
-        foot = figure.add_subplot(grid[rows, :])
-        if title:
-            figure.suptitle(title, fontsize=10)
+            left = 0 if wide else j * column
+            top = height - head - (sum(rows[:j]) if wide else 0)
+            text = view + ", bottom body on the left" * wide
+            place = (left + 0.5 * column) / width, (top - 0.5 * band) / height
+            figure.text(*place, text, ha="center", va="center", fontsize=8.5, color="#404040")
+            middle = left + (column - image.shape[1]) // 2
+            figure.figimage(image, middle, top - band - image.shape[0])
         if legend is None:
+            bar = figure.add_axes((0.02, 0.75 * foot / height, 0.96, 0.2 * foot / height))
             colours = ScalarMappable(cmap=SHAPE_COLOURS)
-            bar = figure.colorbar(colours, cax=foot, orientation="horizontal")
-            bar.set_label(f"displacement relative to its maximum [-]; {note}", fontsize=8)
+            figure.colorbar(colours, cax=bar, orientation="horizontal")
+            bar.set_xlabel(f"displacement relative to its maximum [-]; {note}", fontsize=8)
         else:
-            foot.axis("off")
             handles = [Patch(color=colour, label=name) for name, colour in legend.items()]
-            foot.legend(handles=handles, loc="center", ncol=min(5, len(handles)))
+            place = 0.5, 0.5 * foot / height
+            columns = min(NAMES, len(handles))
+            figure.legend(handles=handles, loc="center", bbox_to_anchor=place, ncol=columns)
         figure.savefig(
-            path, dpi=200, facecolor="white", metadata={"Software": None, "Title": title}
+            path, dpi=DPI, facecolor="white", metadata={"Software": None, "Title": title}
         )
 
 
@@ -246,57 +234,76 @@ def _radius(surface: Any) -> float:
 
 
 def _photographs(surface: Any, scalars: str) -> list[NDArray]:
-    """Both views of a surface, cut to the same frame, RGB arrays."""
+    """Both views of a surface, RGB arrays."""
     with pyvista().vtk_verbosity("off"):  # without a display VTK warns, then draws all the same
-        return trim([_photograph(surface, side, scalars) for _, side in VIEWS])
+        return [_photograph(surface, side, scalars) for _, side in VIEWS]
 
 
 def _photograph(surface: Any, side: float, scalars: str) -> NDArray:
     """Picture of a surface from obliquely above (side = 1) or below (side = -1), RGB array."""
     view = view_of(surface, side)
     surface = in_a_row(surface, view, side)
-    plotter = open_plotter(surface, view, side, PIXELS)
+    plotter = open_plotter(surface, view, side)
     if scalars == "part":
         found = np.unique(surface.cell_data["part"])
         for j in found:
             piece = surface.extract_cells(np.flatnonzero(surface.cell_data["part"] == j))
             plotter.add_mesh(
-                piece, color=_part_colour(int(j), found), show_edges=True, line_width=1, **LIGHT
+                piece, color=_part_colour(int(j), found), show_edges=True, line_width=FINE, **LIGHT
             )
     else:
         plotter.add_mesh(surface, smooth_shading=True, split_sharp_edges=True, **SHAPE)
         add_edges(plotter, surface)
-    plotter.enable_anti_aliasing("ssaa")
-    image = np.asarray(plotter.screenshot(return_img=True))
+    image = _screenshot(plotter)
     plotter.close()
     release_memory()
     return image
+
+
+def _screenshot(plotter: Any) -> NDArray:
+    """What a plotter shows, RGB array."""
+    pillow = import_module("PIL.Image")  # comes with matplotlib
+    return np.asarray(pillow.fromarray(plotter.screenshot(return_img=True)).reduce(FINE))
 
 
 def add_edges(plotter: Any, surface: Any) -> Any:
     """Draw the edges of a surface; returns them."""
     edges = surface.extract_feature_edges(40.0, manifold_edges=False)
     if edges.n_points:
-        plotter.add_mesh(edges, color="#202020", line_width=1.5)
+        plotter.add_mesh(edges, color="#202020", line_width=1.5 * FINE)
     return edges
 
 
-def open_plotter(surface: Any, view: NDArray, side: float, pixels: tuple[int, int]) -> Any:
+def open_plotter(
+    surface: Any, view: NDArray, side: float, motion: NDArray | None = None, width: int = 0
+) -> Any:
     """A plotter without a window that looks at a surface in parallel projection.
 
-    Its picture has these pixels at most, and little more than the surface: each costs time.
+    Its picture has little more pixels than the surface: each costs time.
+
+    Args:
+        surface: what is seen, side by side.
+        view: direction to the eye.
+        side: of the eye along z.
+        motion: complex displacements as drawn [m], shape (points, 3); None: it is at rest.
+        width: of the picture [pixels]; 0: of a page, or of half of it for a view that is not wide.
     """
     radius, toward = _radius(surface), view / np.linalg.norm(view)
     right = np.cross([0.0, 0.0, side], toward)
     right /= np.linalg.norm(right)
     axes = np.array([right, np.cross(toward, right), toward])
     seen = np.asarray(surface.points) @ axes.T
-    size = np.ptp(seen, axis=0)[:2] + 2 * MARGIN * radius
-    scale = float(np.min(np.array(pixels) / size))
-    window = np.ceil(scale * size).astype(int)
-    plotter = pyvista().Plotter(off_screen=True, window_size=window.tolist())
+    away = 0.0 if motion is None else np.abs(motion @ axes.T)
+    low, high = (seen - away).min(axis=0), (seen + away).max(axis=0)
+    size = (high - low)[:2]
+    if not width:
+        width = round(WIDTH * DPI) // (1 if size[0] > WIDE * size[1] else 2)
+    scale = float(np.min((np.array([width, 2 * width]) - 2 * BORDER) / size))
+    window = np.ceil(scale * size).astype(int) + 2 * BORDER
+    plotter = pyvista().Plotter(off_screen=True, window_size=(FINE * window).tolist())
+    plotter.disable_anti_aliasing()
     plotter.set_background("white")
-    focus = 0.5 * (seen.min(axis=0) + seen.max(axis=0)) @ axes
+    focus = 0.5 * (low + high) @ axes
     plotter.camera_position = [tuple(focus + 6 * radius * toward), tuple(focus), (0.0, 0.0, side)]
     plotter.enable_parallel_projection()
     plotter.camera.parallel_scale = 0.5 * window[1] / scale
@@ -324,7 +331,6 @@ def _note(values: NDArray) -> str:
     return f"largest displacement drawn as {100 * SCALE:.0f} % of the radius{moment}"
 
 
-MOVING_PIXELS = (800, 600)
 MILLISECONDS = 90  # a frame is shown
 
 
@@ -353,10 +359,7 @@ def animate_mode(
     """
     pillow = import_module("PIL.Image")  # comes with matplotlib
     with pyvista().vtk_verbosity("off"):
-        drawn = trim(_frames(V, values, frames, bodies))
-    height, wide = drawn[0].shape[:2]
-    size = width, max(1, round(width * height / wide))
-    images = [pillow.fromarray(image).resize(size, pillow.LANCZOS) for image in drawn]
+        images = [pillow.fromarray(i) for i in _frames(V, values, frames, width, bodies)]
     images[0].save(
         path, save_all=True, append_images=images[1:], duration=MILLISECONDS, loop=0, quality=70,
         method=4,
@@ -364,7 +367,9 @@ def animate_mode(
     return Path(path)
 
 
-def _frames(V: Any, values: NDArray, frames: int, bodies: NDArray | None) -> list[NDArray]:
+def _frames(
+    V: Any, values: NDArray, frames: int, width: int, bodies: NDArray | None
+) -> list[NDArray]:
     """RGB pictures of one period, all from one plotter."""
     surface, moved = mode_surface(V, values, bodies)
     surface = surface.compute_normals(
@@ -372,7 +377,7 @@ def _frames(V: Any, values: NDArray, frames: int, bodies: NDArray | None) -> lis
     )
     view = view_of(surface, 1.0)
     placed = in_a_row(surface, view, 1.0)
-    plotter = open_plotter(placed, view, 1.0, MOVING_PIXELS)
+    plotter = open_plotter(placed, view, 1.0, moved(placed), width)
     plotter.add_mesh(placed, smooth_shading=True, **SHAPE)
     drawn_meshes = placed, add_edges(plotter, placed)
     meshes = [(mesh, np.array(mesh.points), moved(mesh)) for mesh in drawn_meshes]
@@ -381,6 +386,6 @@ def _frames(V: Any, values: NDArray, frames: int, bodies: NDArray | None) -> lis
         for mesh, rest, motion in meshes:
             mesh.points = rest + np.real(motion * np.exp(1j * theta))
         plotter.render()
-        drawn.append(np.asarray(plotter.screenshot(return_img=True)))
+        drawn.append(_screenshot(plotter))
     plotter.close()
     return drawn

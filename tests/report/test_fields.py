@@ -50,9 +50,8 @@ def values_on(V):
 
 @pytest.fixture(autouse=True)
 def small_pictures(monkeypatch):
-    """A quarter of the pixels: none of what is looked at depends on their number."""
-    monkeypatch.setattr("brake_fenicsx.report.render.PIXELS", (750, 450))
-    monkeypatch.setattr("brake_fenicsx.report.render.PIXELS", (420, 280))
+    """A ninth of the pixels: none of what is looked at depends on their number."""
+    monkeypatch.setattr("brake_fenicsx.report.render.DPI", 67)
 
 
 @pytest.fixture(scope="module")
