@@ -147,11 +147,9 @@ def require_real_petsc() -> None:
         SceneError: one line that names the build in use and the remedy.
     """
     if np.issubdtype(PETSc.ScalarType, np.complexfloating):
-        raise SceneError(
-            f"PETSC_DIR = {os.environ.get('PETSC_DIR', '')!r}: this PETSc is built for complex"
-            " numbers; use the real build (on Debian python3-dolfinx-real and"
-            " PETSC_DIR=/usr/lib/petscdir/petsc-real)"
-        )
+        raise SceneError(f"""PETSC_DIR = {os.environ.get("PETSC_DIR", "")!r}: this PETSc is built
+            for complex numbers; use the real build (on Debian python3-dolfinx-real and
+            PETSC_DIR=/usr/lib/petscdir/petsc-real)""")
 
 
 def meshtags(mesh: Any, dim: int, entities: np.ndarray, value: int) -> Any:

@@ -60,10 +60,9 @@ class OfOneProcess:
 
     def __reduce__(self) -> str:
         """Refuse, in place of the libraries' own errors."""
-        raise BrakeError(
-            f"pickle: {type(self).__name__} has a mesh or matrices of this process; send the model"
-            " of brake_fenicsx.prepare, which loads its folder there, or prepare in each process"
-        )
+        raise BrakeError(f"""pickle: {type(self).__name__} has a mesh or matrices of this process;
+            send the model of brake_fenicsx.prepare, which loads its folder there, or prepare in
+            each process""")
 
 
 @contextmanager

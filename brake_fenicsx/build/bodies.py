@@ -181,10 +181,9 @@ def _sprung(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> Elastic:
         means[face] = [(mean_displacement(part, free.size), share) for part, share in parts]
     first, second = (means[face] for face in ends)
     if min(len(first), len(second)) > 1:
-        raise SceneError(
-            f"faces = {list(ends)!r}: {len(first)} bodies have the first face and {len(second)} the"
-            " second, and which of them the springs join is open; give each body a part of its own"
-        )
+        raise SceneError(f"""faces = {list(ends)!r}: {len(first)} bodies have the first face and
+            {len(second)} the second, and which of them the springs join is open; give each body a
+            part of its own""")
     axes = sp.csr_matrix(part_axes(scene, ends[0]).T)
     for (one, share), (other, rest) in product(first, second):
         J = (axes @ (one - other)).tocsr()
@@ -285,15 +284,11 @@ def _vector(scene: Scene, mesh: Mesh, elastic: Elastic, face: str) -> Array:
         f += mean.T @ (axes @ load.force)
     if load.moment is not None:
         if given is None:
-            raise SceneError(
-                f'{scene.file}: loads."{face}".moment: a set of nodes has no rotation; write forces'
-                " on sets that lie apart"
-            )
+            raise SceneError(f"""{scene.file}: loads."{face}".moment: a set of nodes has no
+                rotation; write forces on sets that lie apart""")
         if len(faces_of_bodies(free, given)) > 1:
-            raise SceneError(
-                f'{scene.file}: loads."{face}".moment: the face lies on several bodies; give each a'
-                " part of its own, and a load on the face of each"
-            )
+            raise SceneError(f"""{scene.file}: loads."{face}".moment: the face lies on several
+                bodies; give each a part of its own, and a load on the face of each""")
         f += mean_rotation(given, free.size).T @ (axes @ load.moment)
     return f
 
@@ -311,10 +306,8 @@ def _displaced(scene: Scene, mesh: Mesh, elastic: Elastic, face: str) -> Array:
     for where, faces in coupled.items():
         for other in faces:
             if other in mesh.faces and np.isin(gather_face(mesh, free, other).number, moved).any():
-                raise SceneError(
-                    f'{scene.file}: loads."{face}".displacement: moves nodes of {other!r} too, on'
-                    f" which {where} acts; move another face, or write a force"
-                )
+                raise SceneError(f"""{scene.file}: loads."{face}".displacement: moves nodes of
+                    {other!r} too, on which {where} acts; move another face, or write a force""")
     materials = layer_materials(scene, mesh.layers)
     f = np.zeros(free.size)
     f[: free.local.size] = -elasticity.stiffness_action(mesh, free, materials, g)[free.local]

@@ -206,10 +206,8 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
         pressed = load is not None and load.pressure is not None
         spread = where in areas or where.startswith("contact.") or pressed
         if spread and on_matrices(scene, face):
-            raise SceneError(
-                f"{scene.file}: {where} = {face!r}: a set of nodes has no area; name a face of a"
-                " part with a mesh, to which the set is tied"
-            )
+            raise SceneError(f"""{scene.file}: {where} = {face!r}: a set of nodes has no area; name
+                a face of a part with a mesh, to which the set is tied""")
     layer_materials(scene, check_mesh(scene, faces, comm), materials)
 
 

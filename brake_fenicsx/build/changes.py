@@ -130,11 +130,9 @@ class ChangingBodies:
             lengths = lengths_in(names, shape, values)
             for name, length, (low, high) in zip(names, lengths, ends, strict=True):
                 if not low <= length <= high:
-                    raise SceneError(
-                        f"{name} = {1e3 * length:.6g} mm: lies beyond the range that was prepared,"
-                        f" {1e3 * low:.4g} to {1e3 * high:.4g} mm; widen that, or write"
-                        " min and max of the law"
-                    )
+                    raise SceneError(f"""{name} = {1e3 * length:.6g} mm: lies beyond the range that
+                        was prepared, {1e3 * low:.4g} to {1e3 * high:.4g} mm; widen that, or write
+                        min and max of the law""")
 
     def coefficients(self, values: Mapping[str, float]) -> Array:
         """Coefficients of the matrices in stiffness, damping and mass, shape (3, matrices).

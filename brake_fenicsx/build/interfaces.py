@@ -93,10 +93,8 @@ def zone_of(contact: Contact, zone: Zone, where: str) -> Contact:
             x, unit = _coordinate(name, contact.points), _unit(name)
             low, high = (quantity_text(float(v), unit) for v in (x.min(), x.max()))
             there.append(f"{name} {low} to {high}")
-        raise SceneError(
-            f"{where}.zone: contains no centre of a contact element; they lie at"
-            f" {', '.join(there)}; widen the zone, or refine the mesh"
-        )
+        raise SceneError(f"""{where}.zone: contains no centre of a contact element; they lie at
+            {", ".join(there)}; widen the zone, or refine the mesh""")
     return restricted(contact, kept)
 
 
@@ -118,11 +116,9 @@ def check_apart(scene: Scene, found: Mapping[str, Contact]) -> None:
         points = found[one].points
         shared = points.shape[0] if zone is None else int(in_zone(zone, points).sum())
         if shared:
-            raise SceneError(
-                f"{scene.file}: contact.{one}.zone, contact.{two}.zone: {shared} contact elements"
-                f" of {tables[one].faces[0]!r} and {tables[one].faces[1]!r} belong to both; write"
-                " zones that have no centre of an element in common"
-            )
+            raise SceneError(f"""{scene.file}: contact.{one}.zone, contact.{two}.zone: {shared}
+                contact elements of {tables[one].faces[0]!r} and {tables[one].faces[1]!r} belong to
+                both; write zones that have no centre of an element in common""")
 
 
 def uncovered(scene: Scene, found: Mapping[str, Contact]) -> float:

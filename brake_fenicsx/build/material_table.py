@@ -92,10 +92,8 @@ def layer_materials(
         used = part.material
         key = layer_material(used, inner)
         if key is None:
-            raise SceneError(
-                f"{scene.file}: parts.{name}.material: no material for layer {inner!r};"
-                f" there are materials for {', '.join(used)}"
-            )
+            raise SceneError(f"""{scene.file}: parts.{name}.material: no material for layer
+                {inner!r}; there are materials for {", ".join(used)}""")
         angle = part.axis + scene.materials[key].axis
         found[layer] = in_axes(materials[key], angle)
     return found
@@ -138,10 +136,8 @@ def stiffness(t: MaterialTable) -> Array:
     needed = stiff if by_stiffness else tuple(engineering)
     for name in constants:
         if name not in needed:
-            raise SceneError(
-                f"{name} has no place here; model = {t.model!r} takes"
-                f" {', '.join(engineering)} or {', '.join(stiff)}"
-            )
+            raise SceneError(f"""{name} has no place here; model = {t.model!r} takes
+                {", ".join(engineering)} or {", ".join(stiff)}""")
     for name in needed:
         if name not in constants:
             raise SceneError(f"{name} is missing; model = {t.model!r} needs {', '.join(needed)}")

@@ -63,15 +63,11 @@ def _with_form(
     ends = (*long.bifractal.band[::-1], band[0])
     shortest, longest, limit = (2e3 * np.pi / q for q in ends)
     if shortest > limit:
-        raise SceneError(
-            f"{where}: its shortest wave of {shortest:.3g} mm is longer than the longest of the"
-            f" scan, {limit:.3g} mm; name a finer one"
-        )
+        raise SceneError(f"""{where}: its shortest wave of {shortest:.3g} mm is longer than the
+            longest of the scan, {limit:.3g} mm; name a finer one""")
     if not longest > limit:
-        raise SceneError(
-            f"{where}: its longest wave of {longest:.3g} mm is not longer than that of the scan,"
-            f" {limit:.3g} mm; name a longer scan, or none"
-        )
+        raise SceneError(f"""{where}: its longest wave of {longest:.3g} mm is not longer than that
+            of the scan, {limit:.3g} mm; name a longer scan, or none""")
     return replace(stats, spectrum=replace(stats.spectrum, form=long.spectrum, band=band))
 
 
@@ -104,10 +100,8 @@ def _read(
     side = float(scan.size.max())
     if side > MAX_SCAN or high - low > side:
         wrong = "size" if side > MAX_SCAN else "height_unit"
-        raise SurfaceError(
-            f"heights span {high - low:.3g} m, {(high - low) / side:.2g} times the longer side of"
-            f" {side:.3g} m: not plausible; correct surface.{wrong}"
-        )
+        raise SurfaceError(f"""heights span {high - low:.3g} m, {(high - low) / side:.2g} times the
+            longer side of {side:.3g} m: not plausible; correct surface.{wrong}""")
     return scan
 
 

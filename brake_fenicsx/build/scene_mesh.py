@@ -71,10 +71,8 @@ def scene_raw_mesh(scene: Scene) -> RawMesh:
     made = raw_mesh(built, mesh_settings(scene))
     if (made.shape, made.order) != (read.shape, read.order):
         cells = "tetrahedra" if read.shape == "tetrahedron" else "hexahedra"
-        raise SceneError(
-            f"mesh.file: its cells are {cells} of order {read.order}, those of the builders are"
-            f' not; write mesh.cells = "{cells}" and mesh.order = {read.order}'
-        )
+        raise SceneError(f"""mesh.file: its cells are {cells} of order {read.order}, those of the
+            builders are not; write mesh.cells = "{cells}" and mesh.order = {read.order}""")
     return joined([made, read])
 
 
@@ -171,10 +169,8 @@ def _movement(scene: Scene, read: RawMesh, part: str, name: str) -> Array:
     if not size > 0:
         raise SceneError(f"{where} = {morph.displaced!r}: no node is at another place")
     if np.abs(step[others]).max(initial=0.0) > EVEN * size:
-        raise SceneError(
-            f"{where} = {morph.displaced!r}: nodes of other parts than {part} are moved; leave"
-            " them where they are in mesh.file"
-        )
+        raise SceneError(f"""{where} = {morph.displaced!r}: nodes of other parts than {part} are
+            moved; leave them where they are in mesh.file""")
     return np.asarray(step / (morph.ends[1] - morph.ends[0]))
 
 

@@ -243,10 +243,8 @@ def _definite(box: Box, x: Array) -> dict[str, Array]:
         if not la.eigvalsh(C)[0] > 0:
             own = (n for n in box.names if split_key(n)[1] == name)
             values = ", ".join(f"{n} = {box.values(x)[n]:.3g} {unit_of(n)}" for n in own)
-            raise InaccurateResult(
-                f"materials.{name} is not positive definite everywhere in the range of its values,"
-                f" with {values} for example; narrow the range"
-            )
+            raise InaccurateResult(f"""materials.{name} is not positive definite everywhere in the
+                range of its values, with {values} for example; narrow the range""")
     return found
 
 
@@ -279,10 +277,8 @@ def _spanning(scene: Scene, name: str) -> list[float]:
     possible = least >= 0 if name.endswith(".mass") else least > 0
     if not possible and (is_length(name) or is_inertia(name) or _is_modulus(name)):
         where = 'samples.random."{}"' if law is not None else 'sweep.parameters."{}"'
-        raise SceneError(
-            f"{where.format(name)}: the law reaches {least:.3g} {unit_of(name)} with a probability"
-            f" of {TAIL:g}; write a positive min, or a smaller sd"
-        )
+        raise SceneError(f"""{where.format(name)}: the law reaches {least:.3g} {unit_of(name)} with
+            a probability of {TAIL:g}; write a positive min, or a smaller sd""")
     return values
 
 
