@@ -4,8 +4,6 @@ A function gets the options and the processes, and returns what the first proces
 what it needs by itself: help comes before anything large is loaded.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

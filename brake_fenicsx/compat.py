@@ -3,8 +3,6 @@
 Supported: what Debian ships, 12 (0.5.2), 13 (0.9) and unstable (0.11).
 """
 
-from __future__ import annotations
-
 import brake_fenicsx.petsc_started  # noqa: F401
 
 # isort: split

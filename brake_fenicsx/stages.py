@@ -1,7 +1,5 @@
 """A run as it goes from stage to stage: what it hands on, its log, its summary and its ending."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager

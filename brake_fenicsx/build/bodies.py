@@ -10,8 +10,6 @@ are spread as the traction whose virtual work is F . mean displacement + m . mea
 elsewhere, gives u = u' + g and the load -K g on the free dofs.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A scene's brake: operators of what it names, and its inventory to compare with other models."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -5,8 +5,6 @@ imposed displacements, and what a mesh file states and the scene has not are all
 probably not meant.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -17,8 +17,6 @@ of matrices A_j that are assembled once and multiples m_j of the values, one row
 The damping takes a share of every change of stiffness and mass beside.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial

@@ -21,8 +21,6 @@ where the stiffness of a material changes, by a_j A_j, the damping takes the sha
 omega_ref of it, whatever the scalars are then.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Interfaces of a scene: their contact elements, restricted to zones of their faces."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields
 from itertools import combinations

@@ -6,8 +6,6 @@ derivatives as the shape functions leave: no series of matrices holds them, and 
 anew for each sample. Gaps stay those of the scene.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product

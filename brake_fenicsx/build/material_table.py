@@ -18,8 +18,6 @@ that E_3 changes at fixed E_1, nu_12, nu_31. A transversely isotropic material b
 where they ask for it; a stiffness C11, ... keeps the model of the table.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from typing import Any, TypeVar

@@ -1,7 +1,5 @@
 """The surface that a scene names, as statistics."""
 
-from __future__ import annotations
-
 from contextlib import AbstractContextManager
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A scene's parts to its mesh: builders, the user's own file, or both."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

@@ -5,8 +5,6 @@ believed about its size: what an array declares is compared with the bytes that 
 memory is taken, and may be larger than these, where they are compressed, by ``RATIO`` at most.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import mmap

@@ -5,8 +5,6 @@ differ elsewhere (seed, friction, its distribution, a load) the first makes them
 to them.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Files that appear whole or not at all, whatever ends the program, and a folder of them."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -6,8 +6,6 @@ they come at different times. Here large blocks get pages of their own again, wh
 they are freed.
 """
 
-from __future__ import annotations
-
 import ctypes
 import mmap
 from weakref import WeakSet

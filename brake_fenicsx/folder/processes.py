@@ -3,8 +3,6 @@
 A result, or what went wrong, reaches all of them.
 """
 
-from __future__ import annotations
-
 import resource
 import socket
 from collections.abc import Callable, Iterator

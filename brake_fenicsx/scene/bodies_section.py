@@ -1,7 +1,5 @@
 """What acts on the bodies of a scene: supports, loads, ties, springs, added masses, motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Fields of a dataclass and their metadata are the one source of what is read here
 (``json_schema``) and of docs/scene.md.
 """
 
-from __future__ import annotations
-
 import inspect
 import json
 import math

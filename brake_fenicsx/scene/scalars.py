@@ -1,7 +1,5 @@
 """Scalars of a scene that are random or swept: what each acts on, and which are refused."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any

@@ -3,8 +3,6 @@
 Signs and derivations of the damping terms are in ``stability.damping_matrices``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Values that are allowed and yet unusual: mostly a slip of the unit, a line each."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from statistics import NormalDist
