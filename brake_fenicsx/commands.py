@@ -55,7 +55,7 @@ class Command:
 
 
 def argument(*words: str, **options: Any) -> Argument:
-    """An argument of a command; a shell completes it as ``complete`` says, "file" or "folder"."""
+    """An argument of a command, as ``argparse`` takes it."""
     return words, options
 
 
@@ -69,10 +69,10 @@ def command(
 def folder_of(name: str) -> Argument:
     """The argument -o, a folder named after the scene if not given."""
     text = f"results folder, ./SCENE-{name}"
-    return argument("-o", dest="directory", metavar="DIR", complete="folder", help=text)
+    return argument("-o", dest="directory", metavar="DIR", help=text)
 
 
-SCENE = argument("scene", metavar="SCENE.toml", complete="file", help="the scene file")
+SCENE = argument("scene", metavar="SCENE.toml", help="the scene file")
 SET = argument("--set", action="append", default=[], metavar="KEY=VALUE",
                help="replace a key of the scene (docs/scene.md), as often as needed; the value is"
                " TOML, or a bare word")  # fmt: skip
@@ -81,12 +81,11 @@ ALLOW = argument("--allow-extensions", dest="set", action="append_const",
                  help="run code beside the scene that it names in [extensions]")  # fmt: skip
 JSON = argument("--json", action="store_true",
                 help="print the outcome as JSON, for other programs")  # fmt: skip
-CACHE = argument("--cache", metavar="DIR", complete="folder",
-                 help="share laws and reduced models with runs of scenes that differ in seed,"
-                 " samples, friction or loads")  # fmt: skip
+CACHE = argument("--cache", metavar="DIR", help="share laws and reduced models with runs of scenes"
+                 " that differ in seed, samples, friction or loads")  # fmt: skip
 PICTURES = argument("--no-pictures", dest="pictures", action="store_false",
                     help="tables and page alone, without figures")  # fmt: skip
-DIRECTORY = argument("directory", metavar="DIR", complete="folder", help="results folder of a run")
+DIRECTORY = argument("directory", metavar="DIR", help="results folder of a run")
 QUIET = argument("-q", dest="quiet", action="store_true", help="show only warnings and errors")
 VERBOSE = argument("-v", dest="verbose", action="store_true",
                    help="show more messages, and the traceback of an error")  # fmt: skip
@@ -205,7 +204,6 @@ variations:
   mpirun -n 8 brake-fenicsx run brake.toml
       as root, as in a container, Open MPI asks for OMPI_ALLOW_RUN_AS_ROOT=1 and
       OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 in the environment
-  eval "$(brake-fenicsx --completion bash)"    completes command lines in this shell
   brake-fenicsx run brake.toml -- -brake_compliance_mat_mumps_icntl_4 2
 
 exit status:
@@ -251,8 +249,6 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     top.add_argument("--version", action=_Version, help="versions of the program, DOLFINx, ...")
-    top.add_argument("--completion", action=_Completion, choices=("bash", "zsh", "tcsh"),
-                     help="print a shell-completion script")  # fmt: skip
     words = top.add_subparsers(dest="word", required=True, metavar="COMMAND")
     ours = [load(name) for extra in extras() for name in extra.commands]
     for command in (*COMMANDS, *ours):
@@ -264,9 +260,7 @@ def parser() -> argparse.ArgumentParser:
         )  # fmt: skip
         one.set_defaults(command=command)
         for names, options in (*command.arguments, QUIET, VERBOSE):
-            given = {key: value for key, value in options.items() if key != "complete"}
-            added = one.add_argument(*names, **given)
-            added.kind = options.get("complete", "")  # type: ignore[attr-defined]
+            one.add_argument(*names, **options)
     return top
 
 
@@ -280,21 +274,4 @@ class _Version(argparse.Action):
         from brake_fenicsx.results.versions import solver_versions
 
         print("\n".join(f"{name} {number}" for name, number in solver_versions().items()))
-        parser.exit()
-
-
-class _Completion(argparse.Action):
-    """Completion of a shell, made by shtab."""
-
-    def __call__(self, parser: argparse.ArgumentParser, _: Any, shell: Any, *__: Any) -> NoReturn:
-        try:
-            import shtab
-        except ImportError:
-            raise SceneError("--completion needs shtab: pip install shtab") from None
-        kinds = {"file": shtab.FILE, "folder": shtab.DIRECTORY}
-        for command in parser._subparsers._group_actions[0].choices.values():  # type: ignore
-            for action in command._actions:
-                if kind := kinds.get(getattr(action, "kind", "")):
-                    action.complete = kind
-        print(shtab.complete(parser, shell))
         parser.exit()

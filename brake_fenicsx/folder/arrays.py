@@ -22,7 +22,7 @@ import numpy as np
 from brake_fenicsx.errors import BrakeError, SceneError
 
 from .log import short_line
-from .memory import mapped_files
+from .processes import mapped_files
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 Source = Path | IO[bytes]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.arguments import of_kind
 from brake_fenicsx.errors import InaccurateResult, OfOneProcess
-from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.processes import release_memory
 
 Array = NDArray[np.float64]
 

@@ -23,8 +23,7 @@ from brake_fenicsx.errors import BrakeError, OfOneProcess, SceneError, StorageEr
 from brake_fenicsx.extensions import widest_band
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import Progress, logger
-from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.processes import on_first, release_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import active_terms, lone_samples, reduced_approaches

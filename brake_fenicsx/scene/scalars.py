@@ -146,10 +146,7 @@ def _no_constant(material: parts.MaterialTable, constant: str) -> Iterator[str]:
 def _no_length(s: Scene, name: str, length: str) -> Iterator[str]:
     """Why a length is none that may vary."""
     part = s.parts[name]
-    morph, layers = (
-        parts.morph_of(part, length),
-        parts.layers_of_thickness(part, length),
-    )
+    morph, layers = (parts.morph_of(part, length), parts.layers_of_thickness(part, length))
     moves = (parts.moved_planes, parts.moved_sideways)
     if length.startswith(parts.MORPH) and morph is None:
         yield f"there is no such table; there are {', '.join(part.morph) or 'none'}"

@@ -29,10 +29,7 @@ class EquilibriumTable:
             1e-3.
     """
 
-    tolerance: float = key(
-        default=1e-8,
-        rule=between(*NEWTON),
-    )
+    tolerance: float = key(default=1e-8, rule=between(*NEWTON))
 
 
 @dataclass(frozen=True, slots=True)

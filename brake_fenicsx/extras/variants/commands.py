@@ -49,9 +49,9 @@ def countermeasures(options: Any, comm: Any) -> str | None:
 
 
 @command(
-    argument("first", metavar="A", complete="folder", help="results folder of a run"),
-    argument("second", metavar="B", complete="folder", help="results folder of another run"),
-    argument("-o", dest="directory", metavar="DIR", default=".", complete="folder",
+    argument("first", metavar="A", help="results folder of a run"),
+    argument("second", metavar="B", help="results folder of another run"),
+    argument("-o", dest="directory", metavar="DIR", default=".",
              help="folder of the comparison, . if not given"),
     alone=True,
 )  # fmt: skip
