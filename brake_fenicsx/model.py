@@ -22,7 +22,7 @@ from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.executor import Source, loaded, samples_elsewhere, samples_here
 from brake_fenicsx.extensions import Extensions
-from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.store import Store, check_folder
 from brake_fenicsx.pipeline import before_samples, make_study

@@ -11,7 +11,7 @@ from typing import Any
 from mpi4py import MPI
 
 from brake_fenicsx.errors import BrakeError
-from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import peak_memory, release_memory
 from brake_fenicsx.folder.store import Store
