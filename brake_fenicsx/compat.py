@@ -56,13 +56,10 @@ def forms_folder(folder: Path) -> Path:
 
 # Both read option files of the account and of the working directory ("scalar_type": "float32",
 # "table_rtol": 1), which stand above what a program sets.
-for _module, _name in (
-    ("dolfinx.jit", "_load_options"), ("dolfinx.jit", "_load_parameters"),
-    ("ffcx.options", "_load_options"), ("ffcx.parameters", "_load_parameters"),
-):  # fmt: skip
-    _reader = sys.modules.get(_module)
-    if hasattr(_reader, _name):
-        setattr(_reader, _name, lambda: ({}, {}))
+for _module in ("dolfinx.jit", "ffcx.options", "ffcx.parameters"):
+    for _name in ("_load_options", "_load_parameters"):
+        if hasattr(sys.modules.get(_module), _name):
+            setattr(sys.modules[_module], _name, lambda: ({}, {}))
 
 # Processes, and tests side by side, compile one form at the same time: the others wait for the
 # first one [s]. The default of 10 s is short on a busy machine.

@@ -153,12 +153,11 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
         contact = replace(contact, uncovered=uncovered(scene, found))
     vectors, sizes = load_vectors(scene, mesh, elastic)
     pressed = pressing(scene, mesh, float(contact.w.sum()))
-    moved = lift(scene, mesh, elastic.free)
+    moved = {face: load for face, load in scene.loads.items() if load.displacement}
+    lifted = lift(mesh, elastic.free, moved) if moved else None
     materials = layer_materials(scene, mesh.layers)
-    return Brake(
-        mesh, elastic, contact, vectors @ sizes, pressed, vectors, moved, stuck=stuck,
-        faced=faced, materials=materials,
-    )  # fmt: skip
+    f = vectors @ sizes
+    return Brake(mesh, elastic, contact, f, pressed, vectors, lifted, None, stuck, faced, materials)
 
 
 def layer_matrix(

@@ -36,6 +36,7 @@ from brake_fenicsx.macro.material import (
     transversely_isotropic,
 )
 from brake_fenicsx.scene import MaterialTable, Scene
+from brake_fenicsx.scene.samples_section import ENGINEERING as ENGINEERING_NAMES
 from brake_fenicsx.scene.samples_section import is_constant, split_key
 from brake_fenicsx.scene.scalars import written_value
 
@@ -54,11 +55,8 @@ STIFFNESSES = {
     "orthotropic": ("C11", "C22", "C33", "C12", "C13", "C23", "C44", "C55", "C66"),
     "cubic": ("C11", "C12", "C44"),
 }
-# Our names of the constants, and those of ``engineering_constants``.
-NAMES = {
-    "E_1": "E_x", "E_2": "E_y", "E_3": "E_z", "nu_12": "nu_xy", "nu_31": "nu_zx",
-    "G_12": "G_xy", "G_13": "G_xz", "G_23": "G_yz",
-}  # fmt: skip
+# Our names of the axes, and those of ``engineering_constants``.
+AXES = str.maketrans("123", "xyz")
 
 
 def scene_materials(scene: Scene) -> dict[str, Material]:
@@ -181,10 +179,9 @@ def constants(table: MaterialTable) -> dict[str, float]:
         names = ("E", "nu") if table.E is not None else ("C11", "C12")
         return {name: float(np.ravel(getattr(table, name))[0]) for name in names}
     C = stiffness(table)
-    found = engineering_constants(C)
     S = np.linalg.inv(C)
-    values = {ours: float(found[name]) for ours, name in NAMES.items()}
-    values["nu_32"] = float(-S[2, 1] / S[2, 2])
+    found = engineering_constants(C) | {"nu_zy": -S[2, 1] / S[2, 2]}
+    values = {name: float(found[name.translate(AXES)]) for name in ENGINEERING_NAMES}
     given = [n for n in MaterialTable.__dataclass_fields__ if n[0] == "C"]
     return values | {n: float(getattr(table, n)) for n in given if getattr(table, n) is not None}
 

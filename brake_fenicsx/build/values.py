@@ -27,7 +27,7 @@ from brake_fenicsx.errors import InaccurateResult, SceneError, located
 from brake_fenicsx.extensions import InputLaw
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.scene import Distribution, Scene
-from brake_fenicsx.scene.samples_section import Range, is_constant, split_key, unit_of
+from brake_fenicsx.scene.samples_section import Range, below_least, is_constant, split_key, unit_of
 from brake_fenicsx.scene.scalars import SPEED, changes_bodies, is_inertia, is_length
 
 from .material_table import by_material, nominal_value, stiffness, varied_stiffness
@@ -86,11 +86,8 @@ class Values(dict[str, float]):
         Shape (loads,).
         """
         own = {split_key(n)[1]: v for n, v in self.items() if split_key(n)[0] == "loads"}
-        usual = {
-            face: 1.0 if load.pressure is None else load.pressure
-            for face, load in sorted(self.scene.loads.items())
-        }
-        return np.array([own.get(face, size) for face, size in usual.items()])
+        loads = sorted(self.scene.loads.items())
+        return np.array([own.get(face, load.size) for face, load in loads])
 
     def check(self) -> None:
         """Refuse values that no brake has.
@@ -99,17 +96,16 @@ class Values(dict[str, float]):
             SceneError: the key and its value, or the material.
         """
         for name, value in self.items():
-            last = split_key(name)[2]
             if isinstance(value, str):
                 raise SceneError(f"{name} = {value!r}: write a number, in SI units")
             if is_constant(name):
                 continue
-            if name == SPEED and not value * nominal_value(self.scene, name) > 0:
-                raise SceneError(f"{name} = {value:g}: must not be zero, and have the scene's sign")
-            if (last in ("penalty", "rho") or is_length(name)) and not value > 0:
-                raise SceneError(f"{name} = {value:g}: must be positive")
-            if name != SPEED and not value >= 0:
-                raise SceneError(f"{name} = {value:g}: must be zero or more")
+            wrong = below_least(name, value)
+            if name == SPEED:
+                same = value * nominal_value(self.scene, name) > 0
+                wrong = "" if same else "must not be zero, and have the scene's sign"
+            if wrong:
+                raise SceneError(f"{name} = {value:g}: {wrong}")
         for material, constants in by_material(self).items():
             table = self.scene.materials[material]
             with located(f"materials.{material}"):

@@ -44,6 +44,11 @@ class Load:
     displacement: dict[str, float] | None = key("m", default=None, sign="any")
     steps: int = key(default=1, most=10_000)
 
+    @property
+    def size(self) -> float:
+        """What multiplies the load of the unit: the pressure [Pa], or 1 of any other one."""
+        return 1.0 if self.pressure is None else self.pressure
+
     def contradictions(self) -> Iterator[str]:
         """A pressure, or a force and a moment, or a displacement of a support."""
         kinds = (self.pressure, self.force or self.moment, self.displacement)
