@@ -1,7 +1,5 @@
 """Kinds of arrays, and checks of arguments: a line with the argument, its value and a remedy."""
 
-from __future__ import annotations
-
 import difflib
 import inspect
 from collections.abc import Iterable

@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from scipy.fft import next_fast_len
 
-from brake_fenicsx.errors import SceneError, one_line
+from brake_fenicsx.errors import SceneError, lines
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import active_terms, rubs, slides
 from brake_fenicsx.scene.keys import dotted
@@ -56,24 +56,29 @@ def check(scene: Scene, comm: MPI.Comm) -> dict[str, SurfaceStatistics]:
     return surfaces
 
 
-def remarks(scene: Scene, comm: MPI.Comm) -> list[str]:
+@lines
+def remarks(scene: Scene, comm: MPI.Comm) -> Iterator[str]:
     """What is right and still may surprise: a line each, on the first process."""
     if comm.rank or "equilibrium" not in scene.stages:
-        return []
+        return
     from brake_fenicsx.build.scene_mesh import cut_loads
 
-    return [*cut_loads(scene), *_undamped(scene, True)]
+    yield from cut_loads(scene)
+    yield from _undamped(scene, True)
 
 
-def warnings(scene: Scene, mean_patch: float | None = None) -> list[str]:
+@lines
+def warnings(scene: Scene, mean_patch: float | None = None) -> Iterator[str]:
     """What is allowed and most probably not meant: a line each.
 
     Args:
         scene: the scene.
         mean_patch: side of the mean contact element [m], once it is known.
     """
-    texts = [*_clamped(scene), *_not_pressing(scene), *_swapped(scene), *_undamped(scene, False)]
-    return [*unusual(scene), *map(one_line, (*texts, *_other_patch(scene, mean_patch)))]
+    for rule in (unusual, _clamped, _not_pressing, _swapped):
+        yield from rule(scene)
+    yield from _undamped(scene, False)
+    yield from _other_patch(scene, mean_patch)
 
 
 def _other_patch(scene: Scene, mean_patch: float | None) -> Iterator[str]:
@@ -144,9 +149,10 @@ def _swapped(scene: Scene) -> Iterator[str]:
                 moves, here {second!r}, which has a load; write the pad's face first"""
 
 
+@lines
 def surface_warnings(
     scene: Scene, stats: SurfaceStatistics | None, where: str = "surface"
-) -> list[str]:
+) -> Iterator[str]:
     """What is doubtful about scans and about the pixels of the laws: a line each.
 
     Args:
@@ -155,13 +161,11 @@ def surface_warnings(
         where: the section of that surface.
     """
     if stats is None:
-        return []
+        return
     rules = (_too_smooth, _large_scans, _coarse_patch)
-    texts = [*stats.warnings, *(one_line(text) for rule in rules for text in rule(scene, stats))]
-    if where == "surface":
-        return texts
-    own = (text.removeprefix("surface: ").replace("surface.", f"{where}.") for text in texts)
-    return [f"{where}: {text}" for text in own]
+    for text in (*stats.warnings, *(text for rule in rules for text in rule(scene, stats))):
+        own = text.removeprefix("surface: ").replace("surface.", f"{where}.")
+        yield text if where == "surface" else f"{where}: {own}"
 
 
 def _large_scans(_: Scene, stats: SurfaceStatistics) -> Iterator[str]:

@@ -3,8 +3,6 @@
 Supported: what Debian ships, 12 (0.5.2), 13 (0.9) and unstable (0.11).
 """
 
-from __future__ import annotations
-
 import brake_fenicsx.petsc_started  # noqa: F401
 
 # isort: split
@@ -58,13 +56,10 @@ def forms_folder(folder: Path) -> Path:
 
 # Both read option files of the account and of the working directory ("scalar_type": "float32",
 # "table_rtol": 1), which stand above what a program sets.
-for _module, _name in (
-    ("dolfinx.jit", "_load_options"), ("dolfinx.jit", "_load_parameters"),
-    ("ffcx.options", "_load_options"), ("ffcx.parameters", "_load_parameters"),
-):  # fmt: skip
-    _reader = sys.modules.get(_module)
-    if hasattr(_reader, _name):
-        setattr(_reader, _name, lambda: ({}, {}))
+for _module in ("dolfinx.jit", "ffcx.options", "ffcx.parameters"):
+    for _name in ("_load_options", "_load_parameters"):
+        if hasattr(sys.modules.get(_module), _name):
+            setattr(sys.modules[_module], _name, lambda: ({}, {}))
 
 # Processes, and tests side by side, compile one form at the same time: the others wait for the
 # first one [s]. The default of 10 s is short on a busy machine.
@@ -147,11 +142,9 @@ def require_real_petsc() -> None:
         SceneError: one line that names the build in use and the remedy.
     """
     if np.issubdtype(PETSc.ScalarType, np.complexfloating):
-        raise SceneError(
-            f"PETSC_DIR = {os.environ.get('PETSC_DIR', '')!r}: this PETSc is built for complex"
-            " numbers; use the real build (on Debian python3-dolfinx-real and"
-            " PETSC_DIR=/usr/lib/petscdir/petsc-real)"
-        )
+        raise SceneError(f"""PETSC_DIR = {os.environ.get("PETSC_DIR", "")!r}: this PETSc is built
+            for complex numbers; use the real build (on Debian python3-dolfinx-real and
+            PETSC_DIR=/usr/lib/petscdir/petsc-real)""")
 
 
 def meshtags(mesh: Any, dim: int, entities: np.ndarray, value: int) -> Any:

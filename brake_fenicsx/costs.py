@@ -10,8 +10,6 @@ lie within a factor of 1.5 of these figures.
 The times are those of docs/benchmarks.md, scaled by the time that a second of work takes here.
 """
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Mapping

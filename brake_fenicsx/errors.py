@@ -1,14 +1,27 @@
 """The named errors of the program: text = what, where, value, remedy, in one line."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import wraps
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ParamSpec
+
+P = ParamSpec("P")
 
 
 def one_line(text: object) -> str:
     """A text of any number of lines as one."""
     return " ".join(str(text).split())
+
+
+def lines(rule: Callable[P, Iterable[str]]) -> Callable[P, list[str]]:
+    """Make a generator of texts, each of any number of lines, a list with each as one line."""
+
+    @wraps(rule)
+    def listed(*args: P.args, **keys: P.kwargs) -> list[str]:
+        return [one_line(text) for text in rule(*args, **keys)]
+
+    return listed
 
 
 class BrakeError(Exception):
@@ -60,10 +73,9 @@ class OfOneProcess:
 
     def __reduce__(self) -> str:
         """Refuse, in place of the libraries' own errors."""
-        raise BrakeError(
-            f"pickle: {type(self).__name__} has a mesh or matrices of this process; send the model"
-            " of brake_fenicsx.prepare, which loads its folder there, or prepare in each process"
-        )
+        raise BrakeError(f"""pickle: {type(self).__name__} has a mesh or matrices of this process;
+            send the model of brake_fenicsx.prepare, which loads its folder there, or prepare in
+            each process""")
 
 
 @contextmanager

@@ -131,10 +131,9 @@ def samples_elsewhere(
     if left:
         names = [f"{approach} {number}" for approach, number in left]
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-        raise BrakeError(
-            f"samples without result: {', '.join(names[:NAMED])}{more} ({type(why).__name__}:"
-            f" {why}); the same call with a new executor computes these alone"
-        ) from why
+        raise BrakeError(f"""samples without result: {", ".join(names[:NAMED])}{more}
+            ({type(why).__name__}: {why}); the same call with a new executor computes these
+            alone""") from why
 
 
 def _compute(source: Source, digest: str, tasks: Sequence[Task]) -> list[Record]:
@@ -155,10 +154,8 @@ def loaded(source: Source, digest: str) -> Study:
         SceneError: this process cannot load the folder.
     """
     if os.getpid() != _PROCESS:
-        raise SceneError(
-            "executor: its processes are forked, which MPI does not survive; give"
-            ' ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn"))'
-        )
+        raise SceneError("""executor: its processes are forked, which MPI does not survive; give
+            ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn"))""")
     with _ALONE:
         return _entered(source, digest)
 
@@ -169,10 +166,8 @@ def _entered(source: Source, digest: str) -> Study:
     from brake_fenicsx.model import entered
 
     if not Path(source.directory, "scene.sha256").is_file():
-        raise SceneError(
-            f"directory = {source.directory!r}: nothing is prepared there on {gethostname()}; name"
-            " a folder that all workers see"
-        )
+        raise SceneError(f"""directory = {source.directory!r}: nothing is prepared there on
+            {gethostname()}; name a folder that all workers see""")
     if not {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"} & {*os.environ}:
         logger.warning("a worker may use several BLAS threads: start it with OMP_NUM_THREADS=1")
     study = entered(source)

@@ -8,8 +8,6 @@ Reference: C. T. Kelley, Iterative Methods for Linear and Nonlinear Equations (1
 doi:10.1137/1.9781611970944, for the estimate from two steps.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

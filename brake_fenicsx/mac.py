@@ -4,8 +4,6 @@ It is 1 for the same shape, whatever its complex scale, and 0 for an orthogonal 
 Sound and Vibration 37(8) (2003) 14).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -22,7 +22,7 @@ from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.executor import Source, loaded, samples_elsewhere, samples_here
 from brake_fenicsx.extensions import Extensions
-from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.store import Store, check_folder
 from brake_fenicsx.pipeline import before_samples, make_study
@@ -65,10 +65,8 @@ class Model:
     def __reduce__(self) -> tuple[Any, ...]:
         """Where the model was prepared, for another process."""
         if self.source is None:
-            raise SceneError(
-                "pickle: a model with extensions, objects of this process; name their classes in"
-                " the section [extensions] of the scene"
-            )
+            raise SceneError("""pickle: a model with extensions, objects of this process; name their
+                classes in the section [extensions] of the scene""")
         return _sent, (self.source, self.study.store.digest)
 
     def __getattr__(self, name: str) -> Any:
@@ -244,11 +242,9 @@ class Model:
         chosen = named[0] if approach is None else approach
         count = sum(task[0] == chosen for task in self.study.tasks)
         if sample not in range(count):
-            raise SceneError(
-                f"{self.scene.file}: sample {sample} of {chosen!r}: approaches are"
-                f" {', '.join(named)}, and it has {count} samples"
-                f"{'' if count else likely(chosen, named)}"
-            )
+            raise SceneError(f"""{self.scene.file}: sample {sample} of {chosen!r}: approaches are
+                {", ".join(named)}, and it has {count}
+                samples{"" if count else likely(chosen, named)}""")
         return chosen, sample
 
 
@@ -301,10 +297,8 @@ def prepare(
     }
     parsed = _with_ranges(parsed, given)
     if extensions is not None and (directory is not None or cache is not None):
-        raise SceneError(
-            f"{parsed.file}: extensions: leave out directory and cache, whose files are known"
-            " by the scene alone"
-        )
+        raise SceneError(f"""{parsed.file}: extensions: leave out directory and cache, whose files
+            are known by the scene alone""")
     folder = None
     if directory is None:
         # One folder of all processes; the first one removes it.

@@ -5,8 +5,6 @@ solve with the tolerances and orderings that stand there. Options of a run are t
 its command line.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Iterator, Sequence

@@ -19,21 +19,13 @@ from mpi4py import MPI
 
 import numpy as np
 
+from brake_fenicsx import checks
 from brake_fenicsx.arguments import with_its_arguments
 from brake_fenicsx.build.law_stage import law_recipe, micro_stage
-from brake_fenicsx.checks import (
-    check,
-    remarks,
-    surface_warnings,
-    warnings,
-    with_own_laws,
-    with_patch,
-    with_pixels,
-)
 from brake_fenicsx.costs import earlier_run
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import load, named
-from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.log import Progress, logger, spared, start_log
 from brake_fenicsx.folder.processes import in_turns, on_first
@@ -139,7 +131,7 @@ def run(
     check_folder(store, result_digest(parsed), comm)
     if not (parsed.samples.approaches and "equilibrium" in parsed.stages) and (share or prepare):
         raise SceneError(f"{parsed.file}: has no samples to be shared; write `run`, no --share")
-    surfaces = check(parsed, comm)
+    surfaces = checks.check(parsed, comm)
     shared = SharedCache(store, None if cache is None else Path(cache))
     this = Run(parsed, comm, store, shared, prepare=prepare, pictures=pictures)
     new = not store.directory.exists()
@@ -152,9 +144,9 @@ def run(
         log = "log.txt" if share is None else f"log-{share.number}-of-{share.of}.txt"
         start_log(comm.rank, this.store.path(log) if comm.rank == 0 else None)
         logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
-        for text in remarks(parsed, comm):
+        for text in checks.remarks(parsed, comm):
             logger.info("%s", text)
-        this.warn([*warnings(parsed), *_made_otherwise(store)])
+        this.warn([*checks.warnings(parsed), *_made_otherwise(store)])
         _finish(this, surfaces, new)
     finally:
         if store.lock is not None:
@@ -178,12 +170,17 @@ def _finish(this: Run, surfaces: Surfaces, new: bool) -> None:
 
     store, comm = this.store, this.comm
     try:
-        compute(this, surfaces)
+        brake, library = before_samples(this, surfaces)
+        if brake is not None:
+            mechanics(this, surfaces, library, brake)
     except SceneError:
         # What only the mesh or the laws could tell; a folder with samples is kept.
         if new and comm.rank == 0 and not any(store.path("samples").iterdir()):
             shutil.rmtree(store.directory)
         raise
+    if comm.rank == 0 and this.whole:
+        this.write_summary()
+    comm.Barrier()
     if "report" in this.scene.stages and this.whole:
         with this.stage("report"):
             if "pictures" not in this.seconds:
@@ -199,20 +196,10 @@ def before_samples(this: Run, surfaces: Surfaces) -> tuple[Brake | None, LawLibr
     stages, stats = this.scene.stages, surfaces.get("surface")
     # First, since laws may be made for the mean contact element.
     brake = brake_stage(this) if "equilibrium" in stages else None
-    this.scene = with_pixels(this.scene, stats)
+    this.scene = checks.with_pixels(this.scene, stats)
     if stats is not None and this.store.share is None:
         surface_stage(this, stats)
     return brake, micro_stage(this, stats) if "micro" in stages and stats else None
-
-
-def compute(this: Run, surfaces: Surfaces) -> None:
-    """All stages but the report."""
-    brake, library = before_samples(this, surfaces)
-    if brake is not None:
-        mechanics(this, surfaces, library, brake)
-    if this.comm.rank == 0 and this.whole:
-        this.write_summary()
-    this.comm.Barrier()
 
 
 def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
@@ -224,10 +211,10 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
                 found = name, one.missing, one.outliers
                 logger.info("scan %s: %d points missing, %d outliers masked", *found)
         if stats.scans:
-            logger.info("means over %d scans, each of %d x %d points", len(stats.scans),
-                        *stats.topographies[0].shape)  # fmt: skip
+            sizes = len(stats.scans), *stats.topographies[0].shape
+            logger.info("means over %d scans, each of %d x %d points", *sizes)
         logger.info("surface: %s", stats.told)
-        this.warn(surface_warnings(this.scene, stats))
+        this.warn(checks.surface_warnings(this.scene, stats))
         if this.comm.rank == 0:
             from brake_fenicsx.report.figure_inputs import surface_arrays
 
@@ -265,8 +252,8 @@ def brake_stage(this: Run) -> Brake:
 
         brake = with_shared_matrices(brake, this.store, this.comm)
     mean_patch = 1e-3 * float(this.facts["mean_patch_mm"])
-    this.scene = with_patch(this.scene, mean_patch)
-    this.warn([*doubts, *warnings(this.scene, mean_patch)])
+    this.scene = checks.with_patch(this.scene, mean_patch)
+    this.warn([*doubts, *checks.warnings(this.scene, mean_patch)])
     this.facts["friction"] = friction_texts(this.scene)
     logger.info("friction: %s", listed(this.scene))
     return brake
@@ -321,8 +308,8 @@ def _zones(this: Run, surfaces: Surfaces) -> dict[str, Roughness]:
         logger.info("%s: %s", where, stats.told)
         if this.comm.rank == 0:
             this.facts.setdefault("own_surfaces", {})[where] = surface_numbers(stats)
-        laws = with_own_laws(own, name, stats)
-        this.warn(surface_warnings(laws, stats, where))
+        laws = checks.with_own_laws(own, name, stats)
+        this.warn(checks.surface_warnings(laws, stats, where))
         if laws.micro is not None:
             library = micro_stage(replace(this, scene=laws), stats, f"zones/laws_{number}.npz")
         found[name] = Roughness(library, stats.hdf, _waviness(own, stats))
@@ -503,9 +490,9 @@ def write_page(data: RunData) -> None:
     write_report(data, redraw=False)
     if data.samples is not None and not (directory / "samples.csv").is_file():
         logger.warning(
-            "%s: samples without tables; `run` of the scene, with -o %s, makes them", directory,
-            directory,
-        )  # fmt: skip
+            "%(at)s: samples without tables; `run` of the scene, with -o %(at)s, makes them",
+            {"at": directory},
+        )
     elif data.modes is None and "stability" in data.summary.get("in_effect", {}).get("stages", ()):
         logger.warning(
             "%s: samples are missing, and the page has no modes; `run` makes them again", directory

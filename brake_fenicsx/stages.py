@@ -1,7 +1,5 @@
 """A run as it goes from stage to stage: what it hands on, its log, its summary and its ending."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -13,10 +11,9 @@ from typing import Any
 from mpi4py import MPI
 
 from brake_fenicsx.errors import BrakeError
-from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.log import logger
-from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.folder.processes import peak_memory
+from brake_fenicsx.folder.processes import peak_memory, release_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import end_of_stage
 from brake_fenicsx.results.accuracy import STAGES

@@ -10,7 +10,8 @@ import argparse
 import re
 from pathlib import Path
 
-from brake_fenicsx.commands import EPILOG, parser
+import brake_fenicsx
+from brake_fenicsx.commands import parser
 
 OUT = Path(__file__).parents[1] / "docs" / "cli.md"
 HEAD = """\
@@ -62,7 +63,7 @@ def page() -> str:
         lines += described(command)
     lines += ["## Every command", "", *options(command, everywhere=True)]
     lines += ["Without a command:", "", *options(top)]
-    states = EPILOG.split("exit status:\n")[1].split("\n\n")[0]
+    states = brake_fenicsx.__doc__.split("exit status:\n")[1].split("\n\n")[0]
     rows = re.findall(r"^  (\d+) +(.*)$", states, re.M)
     return "\n".join([*lines, *STATES, *(f"| {n} | {linked(said)} |" for n, said in rows)]) + "\n"
 

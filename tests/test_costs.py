@@ -8,13 +8,9 @@ from mpi4py import MPI
 import pytest
 
 from brake_fenicsx.costs import (
-    REFERENCE,
-    calibrated_seconds,
     count_solves,
     earlier_run,
-    run_sizes,
     time_text,
-    work_of_a_second,
 )
 from brake_fenicsx.description import describe
 from brake_fenicsx.pipeline import run
@@ -22,37 +18,6 @@ from brake_fenicsx.scene import read_scene
 
 ROOT = Path(__file__).parents[1]
 SCENES = ROOT / "scripts" / "scenes"
-
-FACTOR, MEMORY = 3.0, 1.5
-
-# Peaks of log.txt of whole runs on one process: dofs, contact elements, samples, changes, GB.
-PEAKS = [
-    ("squealing_block", 1725, 40, {"parametric": 20}, [], 0.58),
-    ("block_on_plate", 4812, 98, {"multi-scale": 1}, [], 0.58),
-    ("disc_brake_demo", 40_745, 576, {"multi-scale": 2}, ["stability.verify=1"], 1.05),
-    ("disc_brake", 152_479, 1368, {"multi-scale": 2}, ["stability.verify=0"], 2.10),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("name", "dofs", "elements", "samples", "changes", "peak"), PEAKS)
-def test_memory_of_shipped_brakes(name, dofs, elements, samples, changes, peak):
-    """Within a factor of 1.5, pictures included, full order counted once."""
-    sizes = run_sizes(read_scene(SCENES / f"{name}.toml", changes), samples, dofs, elements)
-    assert peak / MEMORY < sizes.process < peak * MEMORY
-
-
-def test_estimated_time_is_that_of_the_page():
-    """The demo's column of docs/benchmarks.md, for a second of work as it took there."""
-    rows = {}
-    for line in (ROOT / "docs" / "benchmarks.md").read_text().splitlines():
-        if match := re.match(r"\| `(\w+)`: ", line):
-            rows[match[1]] = float(line.strip("|").split("|")[5])
-    scene = read_scene(SCENES / "disc_brake_demo.toml", ["micro.pixels=625"])
-    found = calibrated_seconds(scene, {"multi-scale": 20, "classical": 1}, 40_745, 576, REFERENCE)
-    assert found.keys() == rows.keys()
-    assert work_of_a_second() > 0
-    for stage in ("micro", "brake", "offline", "samples", "results", "pictures", "report"):
-        assert rows[stage] / FACTOR < found[stage] < rows[stage] * FACTOR
 
 
 def test_full_order_is_told_from_reduced():

@@ -77,9 +77,6 @@ class Job:
             time.sleep(0.01)
         return hit
 
-    def samples(self):
-        return list(self.out.glob("samples/*.npz"))
-
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
@@ -105,18 +102,6 @@ def goes_on(out, study, unbroken):
     assert {name: after[name] for name in before} == before
     with (out / "samples.csv").open() as file:
         assert {row["status"] for row in csv.DictReader(file)} == {"ok"}
-
-
-@pytest.mark.slow
-def test_one_process_killed_amid_the_samples(whole, tmp_path):
-    unbroken, _ = whole("reduced")
-    job = Job(tmp_path / "out", "reduced")
-    while job.mpirun.poll() is None and len(job.samples()) < 5:
-        time.sleep(0.005)
-    assert job.kill(whole=False) == 1
-    assert job.mpirun.returncode != 0
-    assert not (job.out / "modes.csv").exists()
-    goes_on(job.out, "reduced", unbroken)
 
 
 @pytest.mark.slow

@@ -89,14 +89,14 @@ def test_a_lock_of_a_dead_process_is_taken_over(lock, caplog):
 
 def test_a_run_of_another_scene_started_at_the_same_time_is_refused(tmp_path, monkeypatch):
     """Between its look at the folder and its first file another scene's run goes through."""
-    out, check = tmp_path / "out", pipeline.check
+    out, check = tmp_path / "out", pipeline.checks.check
 
     def slow(scene, comm):
-        monkeypatch.setattr(pipeline, "check", check)
+        monkeypatch.setattr(pipeline.checks, "check", check)
         pipeline.run(BLOCK, comm, out, surface_of(3))
         return check(scene, comm)
 
-    monkeypatch.setattr(pipeline, "check", slow)
+    monkeypatch.setattr(pipeline.checks, "check", slow)
     with pytest.raises(SceneError, match="another scene"):
         pipeline.run(BLOCK, MPI.COMM_SELF, out, surface_of(5))
     with np.load(out / "surface.npz") as surface:

@@ -14,7 +14,7 @@ import pytest
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import sample_files
-from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.processes import release_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.results.families import ModeFamilies
 from brake_fenicsx.results.sample_blocks import Tabulation
@@ -188,7 +188,7 @@ def test_memory_of_large_arrays_goes_back_at_once():
     """In a fresh process: a heap with room for them would hold them until it is trimmed."""
     script = (
         "import numpy as np\nfrom petsc4py import PETSc\n"
-        "from brake_fenicsx.folder.memory import release_memory\n"
+        "from brake_fenicsx.folder.processes import release_memory\n"
         "def pages(): return int(open('/proc/self/statm').read().split()[1])\n"
         "release_memory()\nbefore = pages()\nvalues = np.ones(2**23)\n"
         "assert pages() > before + 2**13\ndel values\nassert pages() < before + 2**12\n"

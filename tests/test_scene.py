@@ -2,8 +2,6 @@
 
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 from mpi4py import MPI
@@ -78,13 +76,6 @@ def test_units_become_si(text, unit, value):
     assert to_si(text, unit) == pytest.approx(value, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["block_on_plate", "disc_brake", "disc_brake_demo"])
-def test_shipped_scenes_are_read(name):
-    scene = read_scene(SCENES / f"{name}.toml")
-    assert scene.stages[-1] == "report"
-    assert all(load.pressure == pytest.approx(5e5) for load in scene.loads.values())
-
-
 def test_reference_scene_has_the_sizes_of_the_study():
     scene = read_scene(SCENES / "disc_brake.toml")
     assert (scene.micro.laws, scene.micro.pixels, scene.samples.n) == (100, 128, 300)
@@ -123,18 +114,13 @@ MISTAKES = [
     ("motion.speed=3 bar", "motion.speed", "m/s"),
     ("parts.block.builder=cube", "cube", "block"),
     ("samples.approaches=['parametric']", "parametric", "samples.random"),
-    ("samples.approaches=['fast']", "fast", "its name is 'parametric' now"),
-    ("samples.fast.n=3", "unknown key", "its name is 'parametric' now"),
     ("contact.block_plate.friction=-0.1", "friction", "zero or more"),
     ("samples.n=2.5", "samples.n", "whole number"),
     ("stability.tolerance=0", "stability.tolerance", "positive"),
     ("stability.zeta_max=0.8", "stability.zeta_max", "between 1e-06 and 0.7"),
     ("stability.tolerance=1e-16", "stability.tolerance = 1e-16", "between 1e-12 and 0.01"),
     ("samples.n=9223372036854775808", "samples.n = 9223372036854775808", "10000000 at most"),
-    ("samples.curves=1000000000", "samples.curves", "1000 at most"),
-    ('loads."block.top".steps=1000000000', "steps", "10000 at most"),
     (f"materials.'a.b'={MATERIAL}", 'materials."a.b"', "without dots"),
-    (f'materials."a\\nb"={MATERIAL}', 'materials."a\\nb"', "visible characters"),
     (f'materials."a\\u202eb"={MATERIAL}', 'materials."a\\u202eb"', "visible characters"),
     (f"materials.{5000 * 'a'}={MATERIAL}", "materials.aaa", "1 to 100"),
     ("stability.damping={}", "stability.damping: no term", "rayleigh"),
@@ -144,7 +130,6 @@ MISTAKES = [
     ("stability.damping.raleigh=[0, 0]", "raleigh", "did you mean 'rayleigh'"),
     ("stability.damping.rayleigh=['1 1/s']", "['1 1/s']", "2 values, [1/s, s]"),
     ("stability.damping.rayleigh=['1 s', '1 s']", "wrong unit", "rate"),
-    ("stability.damping.rayleigh=['-1 1/s', '1 s']", "rayleigh", "zero or more"),
     ("stability.damping.rayleigh=[0, 0]", "rayleigh", "leave it out"),
     ("stability.damping.loss=1", "stability.damping.loss = 1", "true or false"),
     ("stability.damping.loss=true", "stability.damping.loss", "omega_ref"),
@@ -167,9 +152,7 @@ MISTAKES = [
     ("stability.band=['0 Hz', '30 KHz']", "unknown unit 'KHz'", "did you mean 'kHz'?"),
     ("materials.iron.E='125 Gpa'", "unknown unit 'Gpa'", "did you mean 'GPa'?"),
     ("materials.iron.E='125 bananas'", "unknown unit 'bananas'", "write pressure or modulus"),
-    ("materials.iron.E=stiff", "not a quantity", "pressure or modulus"),
     ("materials.iron.E=GPa", "not a quantity", "pressure or modulus"),
-    ("stability.threshold=-0.01", "zero or more", "damping below -0.01"),
     (
         "stability.damping.modal={ ratio=0.02 }",
         "ratio = 0.02: write a table",
@@ -178,30 +161,22 @@ MISTAKES = [
     ("micro={ hardness='1 Pa' }", "micro.hardness = 1 Pa", "correct the unit"),
     # A value in the place of a table, and the other way round.
     ("parts=[]", "parts = []", "write a table"),
-    ("parts.block=[]", "parts.block = []", "write a table"),
     ("contact=nan", "contact = nan", "write a table"),
-    ("supports=3", "supports = 3", "write a table"),
-    ("samples.random=[1]", "samples.random = [1]", "write a table"),
-    ("mesh.groups=x", "mesh.groups = 'x'", "write a table"),
     ("stages={}", "stages = {}", "write a list"),
-    ("stages=[['report']]", "stages = [['report']]", "use one of"),
     ("parts.block.builder=[]", "parts.block.builder = []", "use one of"),
     ("parts.block.material=3", "parts.block.material = 3", "text or table"),
     ("parts.block.material.body=3", "--set", "parts.block.material is 'lining', no table"),
-    ("contact.block_plate.law=[]", "contact.block_plate.law = []", '"library", { linear = '),
     ("contact.block_plate.law=libary", "contact.block_plate.law = 'libary'", '"library", { linear'),
     ("contact.block_plate.friction=true", "friction = True", "number or table"),
     ("contact.block_plate.faces=[1, 2]", "faces = [1, 2]", "write text"),
     ('supports."block.top"=[["x"]]', 'supports."block.top" = [[', "use one of x, y, z"),
     ("materials.iron.E={}", "materials.iron.E = {}", "modulus"),
     ("micro={ patch='msh' }", "micro.patch = 'msh'", 'write "mesh" or length'),
-    ("stages=['equilbrium']", "stages = ['equilbrium']", "did you mean 'equilibrium'?"),
     ("micro={ laws='many' }", "micro.laws = 'many'", "whole number"),
     ("stability.damping.gyroscopic=disc", "gyroscopic = 'disc'", "true or false or list of text"),
     ("mesh.order=true", "mesh.order = True", "use one of 1, 2"),
     # A comma is a decimal point to some readers and a separator to others.
     ('loads."block.top".pressure=2,5 bar', "'2,5 bar'", "write the decimal point"),
-    ("motion.speed='1,5 m/s'", "'1,5 m/s'", "write the decimal point"),
     ("stability.damping={ loss=true, omega_ref='1,5 kHz' }", "'1,5 kHz'", "write a frequency"),
     (
         "samples.random.'loads.\"block.top\".pressure'={ law='uniform', min='1,5 bar' }",
@@ -209,24 +184,14 @@ MISTAKES = [
         "write the decimal point",
     ),
     # Neither infinite nor no number.
-    ("materials.iron.E=inf GPa", "materials.iron.E = 'inf GPa'", "finite"),
     ("materials.iron.rho=1e400 kg/m^3", "materials.iron.rho", "finite"),
     ("contact.block_plate.friction=nan", "friction = nan", "finite"),
-    ("motion.direction=[inf, 0, 0]", "motion.direction = [inf, 0, 0]", "finite"),
     (f"stability.zeta_max=1{400 * '0'}", "stability.zeta_max", "finite"),
-    ("motion.speed=nan m/s", "motion.speed = 'nan m/s'", "finite"),
     # Longer or shorter than any brake: refused before gmsh is asked.
     ("parts.block.length=40 m", "parts.block.length = 40 m", "mesh.extent"),
     ("parts.block.size=5 parsec", "parts.block.size", "mesh.extent"),
-    (
-        "parts.block={ builder='block', length='9 um', width='9 um', height='9 um', size='4 um',"
-        " material='lining' }",
-        "parts.block.length",
-        "mesh.extent",
-    ),
     # One sample, whatever is asked for.
     ("samples.n=300", "samples.n", "the stage uncertainty"),
-    ("samples.design=sobol", "samples.design", "the stage uncertainty"),
     (
         "samples.random.'materials.iron.E'={ law='uniform', spread=0.1 }",
         "samples.random",
@@ -237,12 +202,7 @@ MISTAKES = [
     ("loads={ 'block.top'={ moment=[0, 0, 0] } }", "[0.0, 0.0, 0.0] N m: write three", '"50 N m"'),
     ("motion={ point=['1 mm', 0] }", "motion.point = [0.001, 0.0] m", "write three numbers"),
     ("springs.link={ faces=['a', 'a'], damping=[0, 0, '1 N s/m'] }", "springs.link.faces", "two"),
-    # Meshing, or a sweep, would go on for days.
-    (
-        "sweep.parameters.'contact.block_plate.friction'={ start=0, stop=1, steps=1000000 }",
-        "steps = 1000000",
-        "100000 at most",
-    ),
+    # Meshing would go on for days.
     ("parts.block.size=1 um", "parts.block", "cells of the mesh size asked for"),
 ]
 
@@ -497,21 +457,6 @@ def test_another_threshold_is_no_other_scene():
     )
     assert (usual.stability.threshold, other.stability.threshold) == (0.0, 0.01)
     assert result_digest(other) == result_digest(usual) != result_digest(band)
-
-
-def test_surface_only_scene_imports_no_finite_elements(tmp_path):
-    """Only what a scene names is imported."""
-    path = _surface_scene(tmp_path, rough())
-    code = (
-        "import sys; from brake_fenicsx.cli import main;"
-        f"assert main(['run', {str(path)!r}, '-o', {str(tmp_path / 'out')!r}]) == 0;"
-        "print([m for m in ('dolfinx','petsc4py','slepc4py','gmsh','matplotlib','pyvista')"
-        " if m in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    # Without /sys the libraries of MPI write to the same stream.
-    assert done.stdout.splitlines()[-1] == "[]"
-    assert (tmp_path / "out" / "surface.npz").exists()
 
 
 def test_settings_in_effect_hold_defaults_in_si_units():

@@ -1,8 +1,6 @@
 """docs/scene.md says what the dataclasses say."""
 
-import importlib.util
 import re
-import sys
 from dataclasses import MISSING, fields, make_dataclass
 from math import inf
 from pathlib import Path
@@ -11,27 +9,21 @@ import pytest
 
 from brake_fenicsx.scene.keys import key
 from brake_fenicsx.scene.units import to_si
+from processes import script
 
 ROOT = Path(__file__).parents[1]
 
 
-@pytest.fixture(scope="module")
-def reference():
-    path = ROOT / "scripts" / "scene_reference.py"
-    spec = importlib.util.spec_from_file_location("scene_reference", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+reference = script("scene_reference.py")
 
 
-def test_page_is_what_the_script_writes(reference):
+def test_page_is_what_the_script_writes():
     """A key added, renamed or given another default without the page being written again."""
     page = (ROOT / "docs" / "scene.md").read_text()
     assert page == reference.reference(), "run scripts/scene_reference.py"
 
 
-def test_every_section_a_scene_may_have_is_there(reference):
+def test_every_section_a_scene_may_have_is_there():
     from brake_fenicsx.scene import scene_type
 
     page = reference.reference()
@@ -39,7 +31,7 @@ def test_every_section_a_scene_may_have_is_there(reference):
     assert headings == {f.name for f in fields(scene_type()) if not f.metadata.get("internal")}
 
 
-def test_printed_defaults_are_read_back_to_the_same_number(reference):
+def test_printed_defaults_are_read_back_to_the_same_number():
     """A default shown in mm that is not the default in m would send a user astray."""
     from brake_fenicsx.geometry.pad import Pad
     from brake_fenicsx.scene import Micro, Statistics
@@ -56,9 +48,8 @@ def test_printed_defaults_are_read_back_to_the_same_number(reference):
     assert seen > 15
 
 
-def test_a_key_without_meaning_is_refused(reference):
+def test_a_key_without_meaning_is_refused():
     odd = make_dataclass("Odd", [("length", float, key("m", default=1.0))])
-    odd.__module__ = reference.__name__
     with pytest.raises(ValueError, match="length"):
         reference.table(odd)
 
@@ -70,6 +61,6 @@ def test_a_key_without_meaning_is_refused(reference):
         (MISSING, "m", "**required**"), ((5e-3, 3.0), "m", '`["5 mm", "3000 mm"]`'),
     ],
 )  # fmt: skip
-def test_defaults_are_shown_as_one_writes_them(reference, default, unit, shown):
+def test_defaults_are_shown_as_one_writes_them(default, unit, shown):
     cls = make_dataclass("One", [("x", object, key(unit, default=default))])
     assert reference.default_text(fields(cls)[0]) == shown

@@ -10,8 +10,6 @@ are spread as the traction whose virtual work is F . mean displacement + m . mea
 elsewhere, gives u = u' + g and the load -K g on the free dofs.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping
 from dataclasses import replace
@@ -23,21 +21,16 @@ import scipy.sparse as sp
 from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError, located
 from brake_fenicsx.extensions import provided
-from brake_fenicsx.macro import elasticity
+from brake_fenicsx.macro import elasticity, mean_motion
 from brake_fenicsx.macro.elasticity import Elastic
 from brake_fenicsx.macro.faces import Face, faces_of_bodies, gather_face
 from brake_fenicsx.macro.integrals import facet_areas
 from brake_fenicsx.macro.material import Material
-from brake_fenicsx.macro.mean_motion import (
-    check_size,
-    mean_displacement,
-    mean_of_nodes,
-    mean_rotation,
-)
 from brake_fenicsx.macro.solver import with_interface
 from brake_fenicsx.macro.tie import GluedFaces, tied_faces
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.bodies_section import Load
 
 from .material_table import layer_materials
 
@@ -69,7 +62,23 @@ def assemble_bodies(scene: Scene, mesh: Mesh) -> Elastic:
     )
     if any(part.matrices for part in scene.parts.values()):
         elastic = provided("bodies", "parts.NAME.matrices", "matrices")(scene, mesh, elastic)
-    return joined_bodies(scene, mesh, elastic, layers)
+    glued: dict[str, GluedFaces] = {}
+    for name, tie in scene.ties.items():
+        if any(face in elastic.sets for face in tie.faces):
+            continue
+        with located(f"{scene.file}: ties.{name}"):
+            glued[name] = _layer(scene, name, mesh, elastic, layers)
+        elastic = replace(elastic, K=elastic.K + glued[name].K)
+    elastic = replace(elastic, doubts=(*elastic.doubts, *_glued_in_part(scene, glued)))
+    for name, spring in scene.springs.items():
+        if spring.faces is not None:
+            with located(f"{scene.file}: springs.{name}"):
+                elastic = _sprung(scene, name, mesh, elastic)
+    for name, mass in scene.masses.items():
+        if mass.inertia is not None:
+            with located(f'{scene.file}: masses."{name}"'):
+                elastic = _inert(scene, name, mesh, elastic)
+    return elastic
 
 
 def on_matrices(scene: Scene, face: str) -> bool:
@@ -97,42 +106,6 @@ def part_axes(scene: Scene, face: str) -> Array:
     angle = 0.0 if part is None else part.axis
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def joined_bodies(
-    scene: Scene, mesh: Mesh, elastic: Elastic, materials: Mapping[str, Material]
-) -> Elastic:
-    """Add ties, springs between faces and inertia to the bodies of a scene.
-
-    Args:
-        scene: the scene.
-        mesh: its mesh.
-        elastic: the bodies.
-        materials: layer name -> material in x, y, z axes.
-
-    Returns:
-        The bodies, joined.
-
-    Raises:
-        SceneError: faces that do not touch, or are too large.
-    """
-    layers: dict[str, GluedFaces] = {}
-    for name, tie in scene.ties.items():
-        if any(face in elastic.sets for face in tie.faces):
-            continue
-        with located(f"{scene.file}: ties.{name}"):
-            layers[name] = _layer(scene, name, mesh, elastic, materials)
-        elastic = replace(elastic, K=elastic.K + layers[name].K)
-    elastic = replace(elastic, doubts=(*elastic.doubts, *_glued_in_part(scene, layers)))
-    for name, spring in scene.springs.items():
-        if spring.faces is not None:
-            with located(f"{scene.file}: springs.{name}"):
-                elastic = _sprung(scene, name, mesh, elastic)
-    for name, added in scene.masses.items():
-        if added.inertia is not None:
-            with located(f'{scene.file}: masses."{name}"'):
-                elastic = _inert(scene, name, mesh, elastic)
-    return elastic
 
 
 def _layer(
@@ -175,16 +148,21 @@ def _sprung(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> Elastic:
     spring, free = scene.springs[name], elastic.free
     ends = spring.faces or ()
     faces = {f: _on_bodies(mesh, elastic, f) for f in ends if f not in elastic.sets}
-    check_size([part for parts in faces.values() for part, _ in parts])
-    means = {f: [(mean_of_nodes(nodes), 1.0)] for f, nodes in elastic.sets.items() if f in ends}
+    mean_motion.check_size([part for parts in faces.values() for part, _ in parts])
+    means = {
+        f: [(mean_motion.mean_of_nodes(nodes), 1.0)]
+        for f, nodes in elastic.sets.items()
+        if f in ends
+    }
     for face, parts in faces.items():
-        means[face] = [(mean_displacement(part, free.size), share) for part, share in parts]
+        means[face] = [
+            (mean_motion.mean_displacement(part, free.size), share) for part, share in parts
+        ]
     first, second = (means[face] for face in ends)
     if min(len(first), len(second)) > 1:
-        raise SceneError(
-            f"faces = {list(ends)!r}: {len(first)} bodies have the first face and {len(second)} the"
-            " second, and which of them the springs join is open; give each body a part of its own"
-        )
+        raise SceneError(f"""faces = {list(ends)!r}: {len(first)} bodies have the first face and
+            {len(second)} the second, and which of them the springs join is open; give each body a
+            part of its own""")
     axes = sp.csr_matrix(part_axes(scene, ends[0]).T)
     for (one, share), (other, rest) in product(first, second):
         J = (axes @ (one - other)).tocsr()
@@ -201,10 +179,10 @@ def _sprung(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> Elastic:
 def _inert(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> Elastic:
     """Add the moments of inertia on a face to the mass, to each body its share."""
     faces = _on_bodies(mesh, elastic, name)
-    check_size([face for face, _ in faces])
+    mean_motion.check_size([face for face, _ in faces])
     turn = sp.csr_matrix(part_axes(scene, name).T)
     for face, share in faces:
-        J = (turn @ mean_rotation(face, elastic.free.size)).tocsr()
+        J = (turn @ mean_motion.mean_rotation(face, elastic.free.size)).tocsr()
         inertia = share * np.array(scene.masses[name].inertia)
         elastic = replace(elastic, M=with_interface(elastic.M, J, inertia, J))
     return elastic
@@ -234,21 +212,16 @@ def load_vectors(scene: Scene, mesh: Mesh, elastic: Elastic) -> tuple[Array, Arr
         SceneError: a set of nodes under a pressure or a moment.
     """
     vectors = [_vector(scene, mesh, elastic, face) for face in sorted(scene.loads)]
-    sizes = [
-        1.0 if load.pressure is None else load.pressure for _, load in sorted(scene.loads.items())
-    ]
+    sizes = [load.size for _, load in sorted(scene.loads.items())]
     return np.array(vectors).reshape(len(vectors), elastic.free.size).T, np.array(sizes)
 
 
-def lift(scene: Scene, mesh: Mesh, free: elasticity.FreeDofs) -> Array | None:
-    """Prescribed displacements of all supports on the dofs of the mesh [m]; None without any."""
-    moved = {f: load.displacement for f, load in scene.loads.items() if load.displacement}
-    if not moved:
-        return None
+def lift(mesh: Mesh, free: elasticity.FreeDofs, loads: Mapping[str, Load]) -> Array:
+    """Prescribed displacements of some loads on the dofs of the mesh [m], by their faces."""
     g = np.zeros((free.column.size // 3, 3))
-    for face, values in moved.items():
-        nodes = np.unique(gather_face(mesh, free, face).number)
-        for name, value in values.items():
+    for face, load in loads.items():
+        for name, value in (load.displacement or {}).items():
+            nodes = np.unique(gather_face(mesh, free, face).number)
             g[nodes, elasticity.COMPONENTS[name]] = value
     return g.reshape(-1)
 
@@ -281,29 +254,27 @@ def _vector(scene: Scene, mesh: Mesh, elastic: Elastic, face: str) -> Array:
     given = None if nodes is not None else gather_face(mesh, free, face)
     f = np.zeros(free.size)
     if load.force is not None:
-        mean = mean_of_nodes(nodes) if given is None else mean_displacement(given, free.size)
+        mean = (
+            mean_motion.mean_of_nodes(nodes)
+            if given is None
+            else mean_motion.mean_displacement(given, free.size)
+        )
         f += mean.T @ (axes @ load.force)
     if load.moment is not None:
         if given is None:
-            raise SceneError(
-                f'{scene.file}: loads."{face}".moment: a set of nodes has no rotation; write forces'
-                " on sets that lie apart"
-            )
+            raise SceneError(f"""{scene.file}: loads."{face}".moment: a set of nodes has no
+                rotation; write forces on sets that lie apart""")
         if len(faces_of_bodies(free, given)) > 1:
-            raise SceneError(
-                f'{scene.file}: loads."{face}".moment: the face lies on several bodies; give each a'
-                " part of its own, and a load on the face of each"
-            )
-        f += mean_rotation(given, free.size).T @ (axes @ load.moment)
+            raise SceneError(f"""{scene.file}: loads."{face}".moment: the face lies on several
+                bodies; give each a part of its own, and a load on the face of each""")
+        f += mean_motion.mean_rotation(given, free.size).T @ (axes @ load.moment)
     return f
 
 
 def _displaced(scene: Scene, mesh: Mesh, elastic: Elastic, face: str) -> Array:
     """Load [N] of the displacement of one support."""
-    free, alone = elastic.free, replace(scene, loads={face: scene.loads[face]})
-    g = lift(alone, mesh, free)
-    if g is None:
-        raise ValueError(f"{face}: no displacement")
+    free = elastic.free
+    g = lift(mesh, free, {face: scene.loads[face]})
     moved = np.flatnonzero(g.reshape(-1, 3).any(axis=1))
     coupled = {f"contact.{n}": c.faces for n, c in scene.contact.items()}
     coupled |= {f"ties.{n}": tie.faces for n, tie in scene.ties.items()}
@@ -311,10 +282,8 @@ def _displaced(scene: Scene, mesh: Mesh, elastic: Elastic, face: str) -> Array:
     for where, faces in coupled.items():
         for other in faces:
             if other in mesh.faces and np.isin(gather_face(mesh, free, other).number, moved).any():
-                raise SceneError(
-                    f'{scene.file}: loads."{face}".displacement: moves nodes of {other!r} too, on'
-                    f" which {where} acts; move another face, or write a force"
-                )
+                raise SceneError(f"""{scene.file}: loads."{face}".displacement: moves nodes of
+                    {other!r} too, on which {where} acts; move another face, or write a force""")
     materials = layer_materials(scene, mesh.layers)
     f = np.zeros(free.size)
     f[: free.local.size] = -elasticity.stiffness_action(mesh, free, materials, g)[free.local]

@@ -1,8 +1,6 @@
 """A scene's brake: operators of what it names, and its inventory to compare with other models."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,7 +11,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx import compat
 from brake_fenicsx.arguments import Array
-from brake_fenicsx.errors import OfOneProcess, SceneError
+from brake_fenicsx.errors import OfOneProcess, SceneError, lines
 from brake_fenicsx.extensions import sections
 from brake_fenicsx.macro.condensation import Compliance
 from brake_fenicsx.macro.contact_elements import Contact, join
@@ -155,12 +153,11 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
         contact = replace(contact, uncovered=uncovered(scene, found))
     vectors, sizes = load_vectors(scene, mesh, elastic)
     pressed = pressing(scene, mesh, float(contact.w.sum()))
-    moved = lift(scene, mesh, elastic.free)
+    moved = {face: load for face, load in scene.loads.items() if load.displacement}
+    lifted = lift(mesh, elastic.free, moved) if moved else None
     materials = layer_materials(scene, mesh.layers)
-    return Brake(
-        mesh, elastic, contact, vectors @ sizes, pressed, vectors, moved, stuck=stuck,
-        faced=faced, materials=materials,
-    )  # fmt: skip
+    f = vectors @ sizes
+    return Brake(mesh, elastic, contact, f, pressed, vectors, lifted, None, stuck, faced, materials)
 
 
 def layer_matrix(
@@ -206,10 +203,8 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
         pressed = load is not None and load.pressure is not None
         spread = where in areas or where.startswith("contact.") or pressed
         if spread and on_matrices(scene, face):
-            raise SceneError(
-                f"{scene.file}: {where} = {face!r}: a set of nodes has no area; name a face of a"
-                " part with a mesh, to which the set is tied"
-            )
+            raise SceneError(f"""{scene.file}: {where} = {face!r}: a set of nodes has no area; name
+                a face of a part with a mesh, to which the set is tied""")
     layer_materials(scene, check_mesh(scene, faces, comm), materials)
 
 
@@ -246,14 +241,14 @@ def interfaces_of(scene: Scene, brake: Brake) -> dict[str, dict[str, Any]]:
     return interfaces
 
 
+@lines
 def inventory_lines(
     scene: Scene, parts: dict[str, dict[str, Any]], interfaces: dict[str, dict[str, Any]]
-) -> list[str]:
+) -> Iterator[str]:
     """Parts and interfaces, as above, a line each."""
-    lines = []
     for name, part in parts.items():
         sides = " x ".join(f"{side:.4g}" for side in part["extent_mm"])
-        lines.append(f"part {name}: {part['mass_kg']:.4g} kg, {sides} mm")
+        yield f"part {name}: {part['mass_kg']:.4g} kg, {sides} mm"
     motion = scene.motion
     for name, one in interfaces.items():
         faces = scene.contact[name].faces
@@ -269,12 +264,9 @@ def inventory_lines(
             speed = motion.speed or "1 rad/s"
             sliding = f"{disc!r} turns about {_axis(motion)} under {pad!r} at {speed}"
         low, high = one["gap_um"]
-        lines.append(
-            f"contact {name}: {sliding}; area {one['area_mm2']:.4g} mm^2,"
-            f" {one['contact_elements']} elements; {one['faces_nothing_mm2']:.4g} mm^2 of"
-            f" {faces[0]} have no opposite face; gap before the load {low:.4g} to {high:.4g} um"
-        )
-    return lines
+        yield f"""contact {name}: {sliding}; area {one["area_mm2"]:.4g} mm^2,
+            {one["contact_elements"]} elements; {one["faces_nothing_mm2"]:.4g} mm^2 of {faces[0]}
+            have no opposite face; gap before the load {low:.4g} to {high:.4g} um"""
 
 
 def _axis(motion: Motion) -> str:

@@ -5,8 +5,6 @@ imposed displacements, and what a mesh file states and the scene has not are all
 probably not meant.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,12 +13,12 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from brake_fenicsx.errors import SceneError
+from brake_fenicsx.errors import SceneError, lines
 from brake_fenicsx.macro.faces import Face, gather_face
 from brake_fenicsx.macro.free_motions import FreeMotions, free_motions
 from brake_fenicsx.macro.material import Material, engineering_constants
 from brake_fenicsx.macro.sliding_friction import Rotation
-from brake_fenicsx.meshing.brake_mesh import Mesh, extent
+from brake_fenicsx.meshing.brake_mesh import extent
 from brake_fenicsx.meshing.rawmesh import EDGES, RawMesh, Stated, Unread
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import slides
@@ -41,21 +39,20 @@ NODES = 6.0
 LARGE = 0.5
 
 
-def brake_doubts(scene: Scene, brake: Brake) -> list[str]:
+@lines
+def brake_doubts(scene: Scene, brake: Brake) -> Iterator[str]:
     """What is doubtful of a brake: what is not read of its meshes, cells, places, joints, loads.
 
     Raises:
         SceneError: a part moves freely.
     """
-    mesh = brake.mesh
-    doubts = [*check_free_motions(scene, brake), *placement_doubts(scene, brake)]
-    doubts += [*resolution_doubts(scene, brake), *displacement_doubts(scene, mesh)]
-    left = [
-        f"{file}: not in the scene: {', '.join(one.said for one in stated)}; write them, or ignore"
-        " this if you left them out"
-        for file, stated in left_out(scene, mesh.unread).items()
-    ]
-    return [*mesh.unread.changing, *left, *brake.elastic.doubts, *doubts]
+    yield from brake.mesh.unread.changing
+    for file, stated in left_out(scene, brake.mesh.unread).items():
+        yield f"""{file}: not in the scene: {", ".join(one.said for one in stated)}; write them, or
+            ignore this if you left them out"""
+    yield from brake.elastic.doubts
+    for rule in (check_free_motions, placement_doubts, _resolution, _displacements):
+        yield from rule(scene, brake)
 
 
 def check_free_motions(scene: Scene, brake: Brake) -> list[str]:
@@ -95,18 +92,16 @@ def _refusal(scene: Scene, brake: Brake, found: FreeMotions) -> str:
     if lost and (of_file := [name for name in file_parts(scene) if name in free]):
         whose = f"{scene.mesh.file}, the mesh of {' and '.join(of_file)}"
         sentences.append(f"{whose}, has {' and '.join(lost)}, which the scene has not")
-    return (
-        f"{'; '.join(sentences)}. Hold them by supports, ties or springs; contact holds along its"
-        " normal alone"
-    )
+    return f"""{"; ".join(sentences)}. Hold them by supports, ties or springs; contact holds along
+        its normal alone"""
 
 
-def placement_doubts(scene: Scene, brake: Brake) -> list[str]:
+@lines
+def placement_doubts(scene: Scene, brake: Brake) -> Iterator[str]:
     """First faces partly without an opposite face; faces that are apart or overlap before the load.
 
     Distances within the accuracy of plane facets of curved faces are left out.
     """
-    lines = []
     opposite: dict[str, dict[str, float]] = {}
     for name, table in scene.contact.items():
         first, second = table.faces
@@ -116,11 +111,10 @@ def placement_doubts(scene: Scene, brake: Brake) -> list[str]:
         whole = brake.faced[named[0]][1]
         alone = whole - sum(each.values())
         if alone > ALONE * whole:
-            lines.append(
-                f"contact.{', contact.'.join(named)}: {1e6 * alone:.4g} of {1e6 * whole:.4g} mm^2"
-                f" of {first} have no opposite face; correct the place of the parts, or the faces"
-            )
-    lines += _axis_doubts(scene, brake)
+            yield f"""contact.{", contact.".join(named)}: {1e6 * alone:.4g} of {1e6 * whole:.4g}
+                mm^2 of {first} have no opposite face; correct the place of the parts, or the
+                faces"""
+    yield from _axis_doubts(scene, brake)
     for i, (name, table) in enumerate(scene.contact.items()):
         g0 = brake.g0[brake.contact.interface == i]
         apart, overlap = float(g0.min()), -float(g0.max())
@@ -128,31 +122,24 @@ def placement_doubts(scene: Scene, brake: Brake) -> list[str]:
             continue
         faces = (gather_face(brake.mesh, brake.elastic.free, face) for face in table.faces)
         if max(apart, overlap) > APART + sum(map(_rise, faces)):
-            place = f"overlap by {1e3 * overlap:.3f} mm"
-            if apart > 0:
-                place = f"are {1e3 * apart:.3f} mm apart"
-            lines.append(
-                f"contact.{name}: the faces {place} before the load; correct the place of the parts"
-            )
-    return lines
+            away = f"are {1e3 * apart:.3f} mm apart"
+            place = away if apart > 0 else f"overlap by {1e3 * overlap:.3f} mm"
+            yield f"""contact.{name}: the faces {place} before the load; correct the place of the
+                parts"""
 
 
-def _axis_doubts(scene: Scene, brake: Brake) -> list[str]:
+def _axis_doubts(scene: Scene, brake: Brake) -> Iterator[str]:
     """Interfaces that an axis of rotation passes through."""
     motion = None if scene.motion is None else scene_motion(scene)
     if not isinstance(motion, Rotation):
-        return []
-    lines = []
+        return
     for i, name in enumerate(scene.contact):
         sliding = (brake.contact.interface == i) & (brake.contact.speed > 0)
         arm = np.linalg.norm(motion.local(brake.points[sliding])[:, :2], axis=1)
         if np.any(arm**2 < brake.w[sliding]):
-            lines.append(
-                f"contact.{name}: the axis of the motion passes through the faces, which turn"
-                " there on the spot; correct motion.axis or motion.point, or write"
-                " motion.direction"
-            )
-    return lines
+            yield f"""contact.{name}: the axis of the motion passes through the faces, which turn
+                there on the spot; correct motion.axis or motion.point, or write
+                motion.direction"""
 
 
 def _rise(face: Face) -> float:
@@ -166,7 +153,7 @@ def _rise(face: Face) -> float:
     return float(np.median(curvature * face.radius**2 / 2))
 
 
-def resolution_doubts(scene: Scene, brake: Brake) -> Iterator[str]:
+def _resolution(scene: Scene, brake: Brake) -> Iterator[str]:
     """Parts whose shortest wave at the end of the band has too few nodes.
 
     That is the shear wave, or the bending wave of a plate of the layer's thickness where this is
@@ -191,24 +178,20 @@ def resolution_doubts(scene: Scene, brake: Brake) -> Iterator[str]:
         nodes, layer, wave, reached = min(every)
         if nodes < NODES:
             cell = quantity_text(float(f"{wave / NODES * scene.mesh.degree:.2g}"), "m")
-            yield (
-                f"parts.{part}: {nodes:.2g} nodes per wavelength ({1e3 * wave:.3g} mm in {layer})"
-                f" at the end of stability.band, {end:g} Hz, fewer than {NODES:g}: take cells of"
-                f" {cell} at most, or end the band at {float(f'{reached:.2g}'):g} Hz"
-            )
+            yield f"""parts.{part}: {nodes:.2g} nodes per wavelength ({1e3 * wave:.3g} mm in
+                {layer}) at the end of stability.band, {end:g} Hz, fewer than {NODES:g}: take cells
+                of {cell} at most, or end the band at {float(f"{reached:.2g}"):g} Hz"""
 
 
-def displacement_doubts(scene: Scene, mesh: Mesh) -> Iterator[str]:
+def _displacements(scene: Scene, brake: Brake) -> Iterator[str]:
     """Imposed displacements that are not small beside the part: the analysis is linear."""
     for face, load in sorted(scene.loads.items()):
-        sides = mesh.extents.get(face.partition(".")[0])
+        sides = brake.mesh.extents.get(face.partition(".")[0])
         moved = max(map(abs, (load.displacement or {}).values()), default=0.0)
         if sides is not None and moved > LARGE * min(sides):
-            yield (
-                f'loads."{face}".displacement = {quantity_text(moved, "m")}: the shortest side of'
-                f" the part is {quantity_text(min(sides), 'm')}, and the analysis holds for small"
-                " displacements; correct the unit if it is wrong"
-            )
+            yield f"""loads."{face}".displacement = {quantity_text(moved, "m")}: the shortest side
+                of the part is {quantity_text(min(sides), "m")}, and the analysis holds for small
+                displacements; correct the unit if it is wrong"""
 
 
 def _waves(m: Material, thickness: float, frequency: float) -> tuple[float, float]:

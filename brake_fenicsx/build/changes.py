@@ -17,8 +17,6 @@ of matrices A_j that are assembled once and multiples m_j of the values, one row
 The damping takes a share of every change of stiffness and mass beside.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -130,11 +128,9 @@ class ChangingBodies:
             lengths = lengths_in(names, shape, values)
             for name, length, (low, high) in zip(names, lengths, ends, strict=True):
                 if not low <= length <= high:
-                    raise SceneError(
-                        f"{name} = {1e3 * length:.6g} mm: lies beyond the range that was prepared,"
-                        f" {1e3 * low:.4g} to {1e3 * high:.4g} mm; widen that, or write"
-                        " min and max of the law"
-                    )
+                    raise SceneError(f"""{name} = {1e3 * length:.6g} mm: lies beyond the range that
+                        was prepared, {1e3 * low:.4g} to {1e3 * high:.4g} mm; widen that, or write
+                        min and max of the law""")
 
     def coefficients(self, values: Mapping[str, float]) -> Array:
         """Coefficients of the matrices in stiffness, damping and mass, shape (3, matrices).

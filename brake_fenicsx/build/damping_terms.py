@@ -21,8 +21,6 @@ where the stiffness of a material changes, by a_j A_j, the damping takes the sha
 omega_ref of it, whatever the scalars are then.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -33,13 +31,7 @@ import scipy.sparse as sp
 from brake_fenicsx.arguments import Array
 from brake_fenicsx.macro.contact_elements import Contact
 from brake_fenicsx.macro.sliding_friction import Rotation, SlidingFriction
-from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.approaches import (
-    active_terms,
-    damped_bodies,
-    damped_springs,
-    turning_parts,
-)
+from brake_fenicsx.scene import Scene, approaches
 from brake_fenicsx.scene.samples_section import split_key
 from brake_fenicsx.scene.scalars import SPEED
 from brake_fenicsx.scene.stability_section import Damping, ModalDamping
@@ -118,19 +110,19 @@ def record(scene: Scene, contact: Contact) -> dict[str, Any]:
     table, moving = scene.damping or Damping(), contact.speed[contact.speed > 0]
     speeds = {"speeds_m_s": [float(moving.min()), float(moving.max())] if moving.size else []}
     losses = {name: m.loss for name, m in scene.materials.items() if m.loss}
-    turning = {"speed_rad_s": scene.motion.rate if scene.motion else 0.0}
+    rate, turns = scene.motion.rate if scene.motion else 0.0, approaches.turning_parts(scene)
     facts: dict[str, dict[str, Any]] = {
-        "springs": {f"{name}_N_s_m": [*c] for name, c in damped_springs(scene).items()},
-        "matrices": {**damped_bodies(scene)},
+        "springs": {f"{name}_N_s_m": [*c] for name, c in approaches.damped_springs(scene).items()},
+        "matrices": {**approaches.damped_bodies(scene)},
         "rayleigh": dict(zip(("alpha_1_s", "beta_s"), table.rayleigh or (), strict=False)),
         "loss": {"omega_ref_rad_s": table.reference, "factors": losses} if table.loss else {},
         "sliding": speeds if table.sliding else {},
         "slope": speeds if table.slope else {},
-        "gyroscopic": {**turning, "parts": turning_parts(scene)} if table.gyroscopic else {},
+        "gyroscopic": {"speed_rad_s": rate, "parts": turns} if table.gyroscopic else {},
         "own": {"terms": [repr(term) for term in table.own]} if table.own else {},
         "modal": {name: asdict(given) for name, given in table.modal.items()},
     }
-    acting = {name: active_terms(scene, name) for name in scene.samples.approaches}
+    acting = {name: approaches.active_terms(scene, name) for name in scene.samples.approaches}
     return {
         term: {**numbers, "approaches": [name for name, terms in acting.items() if term in terms]}
         for term, numbers in facts.items()
@@ -199,7 +191,7 @@ def mass_share(scene: Scene, values: Mapping[str, float]) -> float:
 
 def turning_density(scene: Scene, brake: Brake) -> dict[str, float]:
     """Density of the layers that turn [kg/m^3]."""
-    turns = {*turning_parts(scene)}
+    turns = {*approaches.turning_parts(scene)}
     return {n: m.rho for n, m in brake.materials.items() if n.partition(".")[0] in turns}
 
 

@@ -1,7 +1,5 @@
 """Interfaces of a scene: their contact elements, restricted to zones of their faces."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields
 from itertools import combinations
@@ -64,9 +62,9 @@ def in_zone(zone: Zone, points: Array) -> Mask:
         zone: ranges [low, high) of some coordinates.
         points: positions [m], shape (n, 3).
     """
-    inside = np.ones(len(points), dtype=bool)
+    inside, coordinates = np.ones(len(points), dtype=bool), _coordinates(points)
     for name, (low, high) in _ranges(zone).items():
-        away = _coordinate(name, points) - low
+        away = coordinates[name] - low
         if name == "angle":
             away = away % TURN
             # Just below zero the remainder rounds to a whole turn.
@@ -88,15 +86,13 @@ def zone_of(contact: Contact, zone: Zone, where: str) -> Contact:
     """
     kept = in_zone(zone, contact.points)
     if not kept.any():
-        there = []
+        there, coordinates = [], _coordinates(contact.points)
         for name in _ranges(zone):
-            x, unit = _coordinate(name, contact.points), _unit(name)
+            x, unit = coordinates[name], "rad" if name == "angle" else "m"
             low, high = (quantity_text(float(v), unit) for v in (x.min(), x.max()))
             there.append(f"{name} {low} to {high}")
-        raise SceneError(
-            f"{where}.zone: contains no centre of a contact element; they lie at"
-            f" {', '.join(there)}; widen the zone, or refine the mesh"
-        )
+        raise SceneError(f"""{where}.zone: contains no centre of a contact element; they lie at
+            {", ".join(there)}; widen the zone, or refine the mesh""")
     return restricted(contact, kept)
 
 
@@ -118,11 +114,9 @@ def check_apart(scene: Scene, found: Mapping[str, Contact]) -> None:
         points = found[one].points
         shared = points.shape[0] if zone is None else int(in_zone(zone, points).sum())
         if shared:
-            raise SceneError(
-                f"{scene.file}: contact.{one}.zone, contact.{two}.zone: {shared} contact elements"
-                f" of {tables[one].faces[0]!r} and {tables[one].faces[1]!r} belong to both; write"
-                " zones that have no centre of an element in common"
-            )
+            raise SceneError(f"""{scene.file}: contact.{one}.zone, contact.{two}.zone: {shared}
+                contact elements of {tables[one].faces[0]!r} and {tables[one].faces[1]!r} belong to
+                both; write zones that have no centre of an element in common""")
 
 
 def uncovered(scene: Scene, found: Mapping[str, Contact]) -> float:
@@ -146,15 +140,7 @@ def _ranges(zone: Zone) -> dict[str, tuple[float, float]]:
     return {name: (ends[0], ends[1]) for name, ends in named.items() if ends is not None}
 
 
-def _coordinate(name: str, points: Array) -> Array:
-    """A coordinate of points [m or rad]."""
+def _coordinates(points: Array) -> dict[str, Array]:
+    """Coordinates of points by their names in a zone [m or rad]."""
     x, y, z = points.T
-    if name == "radius":
-        return np.asarray(np.hypot(x, y))
-    if name == "angle":
-        return np.asarray(np.arctan2(y, x))
-    return {"x": x, "y": y, "z": z}[name]
-
-
-def _unit(name: str) -> str:
-    return "rad" if name == "angle" else "m"
+    return {"radius": np.hypot(x, y), "angle": np.arctan2(y, x), "x": x, "y": y, "z": z}

@@ -55,11 +55,10 @@ def law_recipe(scene: Scene, stats: SurfaceStatistics) -> micro.LawRecipe | None
         tolerance=table.tolerance,
         hardness=table.hardness,
     )
-    pixels, side = int(table.pixels), float(table.patch)
+    n, side = int(table.pixels), float(table.patch)
     return micro.LawRecipe(
-        stats.spectrum, stats.hdf, settings, (pixels, pixels), (side, side), surface.low,
-        surface.S_q,
-    )  # fmt: skip
+        stats.spectrum, stats.hdf, settings, (n, n), (side, side), surface.low, surface.S_q
+    )
 
 
 def micro_stage(this: Run, stats: SurfaceStatistics, file: str = "laws.npz") -> micro.LawLibrary:

@@ -6,8 +6,6 @@ derivatives as the shape functions leave: no series of matrices holds them, and 
 anew for each sample. Gaps stay those of the scene.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
@@ -71,10 +69,9 @@ def shapes_of(scene: Scene, mesh: Mesh, ranges: Mapping[str, tuple[float, float]
         every = []
         for name, length in zip(names, usual, strict=True):
             if (v := moves[name]) is None:
-                raise SceneError(
-                    f"{', '.join(names)}: move the same layers, which {name} can only alone: leave"
-                    " one as it is, or write the two as lengths of displaced meshes or of a builder"
-                )
+                raise SceneError(f"""{", ".join(names)}: move the same layers, which {name} can only
+                    alone: leave one as it is, or write the two as lengths of displaced meshes or of
+                    a builder""")
             every.append(Move(name, length, ranges[name], v))
         found[tuple(names)] = moving(mesh, mesh_settings(scene), every, faces)
     return found
@@ -159,10 +156,9 @@ class MovingContact:
                 self._interfaces |= interfaces
                 for interface, key in product(interfaces, ("zone", "tangential_stiffness")):
                     if getattr(scene.contact[interface], key) is not None:
-                        raise SceneError(
-                            f"{name}: moves the facets of contact.{interface}, which its {key}"
-                            " does not follow: leave that out, or run the scene once for each value"
-                        )
+                        raise SceneError(f"""{name}: moves the facets of contact.{interface}, which
+                            its {key} does not follow: leave that out, or run the scene once for
+                            each value""")
         self.names: list[str] = list(self._moves)
         self._latest: tuple[Array, Contact] | None = None
 

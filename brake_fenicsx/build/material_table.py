@@ -18,8 +18,6 @@ that E_3 changes at fixed E_1, nu_12, nu_31. A transversely isotropic material b
 where they ask for it; a stiffness C11, ... keeps the model of the table.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from typing import Any, TypeVar
@@ -38,6 +36,7 @@ from brake_fenicsx.macro.material import (
     transversely_isotropic,
 )
 from brake_fenicsx.scene import MaterialTable, Scene
+from brake_fenicsx.scene.samples_section import ENGINEERING as ENGINEERING_NAMES
 from brake_fenicsx.scene.samples_section import is_constant, split_key
 from brake_fenicsx.scene.scalars import written_value
 
@@ -56,11 +55,8 @@ STIFFNESSES = {
     "orthotropic": ("C11", "C22", "C33", "C12", "C13", "C23", "C44", "C55", "C66"),
     "cubic": ("C11", "C12", "C44"),
 }
-# Our names of the constants, and those of ``engineering_constants``.
-NAMES = {
-    "E_1": "E_x", "E_2": "E_y", "E_3": "E_z", "nu_12": "nu_xy", "nu_31": "nu_zx",
-    "G_12": "G_xy", "G_13": "G_xz", "G_23": "G_yz",
-}  # fmt: skip
+# Our names of the axes, and those of ``engineering_constants``.
+AXES = str.maketrans("123", "xyz")
 
 
 def scene_materials(scene: Scene) -> dict[str, Material]:
@@ -92,10 +88,8 @@ def layer_materials(
         used = part.material
         key = layer_material(used, inner)
         if key is None:
-            raise SceneError(
-                f"{scene.file}: parts.{name}.material: no material for layer {inner!r};"
-                f" there are materials for {', '.join(used)}"
-            )
+            raise SceneError(f"""{scene.file}: parts.{name}.material: no material for layer
+                {inner!r}; there are materials for {", ".join(used)}""")
         angle = part.axis + scene.materials[key].axis
         found[layer] = in_axes(materials[key], angle)
     return found
@@ -138,10 +132,8 @@ def stiffness(t: MaterialTable) -> Array:
     needed = stiff if by_stiffness else tuple(engineering)
     for name in constants:
         if name not in needed:
-            raise SceneError(
-                f"{name} has no place here; model = {t.model!r} takes"
-                f" {', '.join(engineering)} or {', '.join(stiff)}"
-            )
+            raise SceneError(f"""{name} has no place here; model = {t.model!r} takes
+                {", ".join(engineering)} or {", ".join(stiff)}""")
     for name in needed:
         if name not in constants:
             raise SceneError(f"{name} is missing; model = {t.model!r} needs {', '.join(needed)}")
@@ -187,10 +179,9 @@ def constants(table: MaterialTable) -> dict[str, float]:
         names = ("E", "nu") if table.E is not None else ("C11", "C12")
         return {name: float(np.ravel(getattr(table, name))[0]) for name in names}
     C = stiffness(table)
-    found = engineering_constants(C)
     S = np.linalg.inv(C)
-    values = {ours: float(found[name]) for ours, name in NAMES.items()}
-    values["nu_32"] = float(-S[2, 1] / S[2, 2])
+    found = engineering_constants(C) | {"nu_zy": -S[2, 1] / S[2, 2]}
+    values = {name: float(found[name.translate(AXES)]) for name in ENGINEERING_NAMES}
     given = [n for n in MaterialTable.__dataclass_fields__ if n[0] == "C"]
     return values | {n: float(getattr(table, n)) for n in given if getattr(table, n) is not None}
 

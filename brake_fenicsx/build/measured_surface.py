@@ -1,7 +1,5 @@
 """The surface that a scene names, as statistics."""
 
-from __future__ import annotations
-
 from contextlib import AbstractContextManager
 from dataclasses import replace
 
@@ -57,57 +55,55 @@ def _with_form(
 ) -> SurfaceStatistics:
     """Statistics of a surface whose longest waves are those of a longer scan."""
     with _key(scene, "form", file):
-        long = characterise(_read(scene, file), table.level, distribution="johnson",
-                            spectrum=table.spectrum)  # fmt: skip
+        scan = _read(scene, file, Surface())
+        long = characterise(scan, table.level, distribution="johnson", spectrum=table.spectrum)
     where, band = f"{scene.file}: surface.form = {file!r}", stats.bifractal.band
     ends = (*long.bifractal.band[::-1], band[0])
     shortest, longest, limit = (2e3 * np.pi / q for q in ends)
     if shortest > limit:
-        raise SceneError(
-            f"{where}: its shortest wave of {shortest:.3g} mm is longer than the longest of the"
-            f" scan, {limit:.3g} mm; name a finer one"
-        )
+        raise SceneError(f"""{where}: its shortest wave of {shortest:.3g} mm is longer than the
+            longest of the scan, {limit:.3g} mm; name a finer one""")
     if not longest > limit:
-        raise SceneError(
-            f"{where}: its longest wave of {longest:.3g} mm is not longer than that of the scan,"
-            f" {limit:.3g} mm; name a longer scan, or none"
-        )
+        raise SceneError(f"""{where}: its longest wave of {longest:.3g} mm is not longer than that
+            of the scan, {limit:.3g} mm; name a longer scan, or none""")
     return replace(stats, spectrum=replace(stats.spectrum, form=long.spectrum, band=band))
 
 
-def _each_scan(scene: Scene, table: Surface, distribution: str) -> list[SurfaceStatistics]:
+def _each_scan(scene: Scene, table: Surface, shape: str) -> list[SurfaceStatistics]:
     """Statistics of every scan; of several each has the fit, and all together the spectrum."""
-    size = None if table.size is None else (table.size[0], table.size[-1])
     spectrum = table.spectrum if len(table.scans) == 1 else "fit"
     scans: list[Topography] = []
     each = []
     for file in table.scans:
         with _key(scene, "scan", file):
-            scan = _read(scene, file, size, table.height_unit, table.rows)
+            scan = _read(scene, file, table)
             scans.append(on_grid_of(scans[0], scan) if scans else scan)
-            each.append(characterise(scans[-1], table.level, cutoff=table.cutoff,
-                                     distribution=distribution, spectrum=spectrum))  # fmt: skip
+            one = characterise(
+                scans[-1], table.level, cutoff=table.cutoff, distribution=shape, spectrum=spectrum
+            )
+            each.append(one)
     return each
 
 
-def _read(
-    scene: Scene, file: str, size: tuple[float, float] | None = None, unit: str | None = None,
-    rows: str = "x",
-) -> Topography:  # fmt: skip
+def _read(scene: Scene, file: str, table: Surface) -> Topography:
     """A scan file whose heights and sides go together.
+
+    Args:
+        scene: the scene.
+        file: name of the file.
+        table: what says of the file what is not in it.
 
     Raises:
         SurfaceError: the two lengths, their ratio and the remedy.
     """
-    scan = read_topography(scene.path(file), size, unit, rows=rows)
+    size = None if table.size is None else (table.size[0], table.size[-1])
+    scan = read_topography(scene.path(file), size, table.height_unit, rows=table.rows)
     low, high = np.nanpercentile(scan.heights, [0.5, 99.5])
     side = float(scan.size.max())
     if side > MAX_SCAN or high - low > side:
         wrong = "size" if side > MAX_SCAN else "height_unit"
-        raise SurfaceError(
-            f"heights span {high - low:.3g} m, {(high - low) / side:.2g} times the longer side of"
-            f" {side:.3g} m: not plausible; correct surface.{wrong}"
-        )
+        raise SurfaceError(f"""heights span {high - low:.3g} m, {(high - low) / side:.2g} times the
+            longer side of {side:.3g} m: not plausible; correct surface.{wrong}""")
     return scan
 
 

@@ -32,7 +32,7 @@ from .material_table import layer_materials, material_of
 from .values import Values
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ParametricBrake(Brake):
     """Operators of a scene, and what its random and swept scalars change in them.
 
@@ -45,10 +45,6 @@ class ParametricBrake(Brake):
     scene: Scene
     changes: ChangingBodies
     terms: Terms
-
-    def __repr__(self) -> str:
-        """One line."""
-        return Brake.__repr__(self)
 
     def at(self, values: Mapping[str, float]) -> BrakeAt:
         """The brake of a sample.

@@ -1,8 +1,6 @@
 """A scene's parts to its mesh: builders, the user's own file, or both."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +9,7 @@ from mpi4py import MPI
 import numpy as np
 
 from brake_fenicsx.arguments import Array
-from brake_fenicsx.errors import SceneError, located
+from brake_fenicsx.errors import SceneError, lines, located
 from brake_fenicsx.extensions import provided
 from brake_fenicsx.macro.morphing import EVEN
 from brake_fenicsx.meshing import brake_mesh
@@ -71,10 +69,8 @@ def scene_raw_mesh(scene: Scene) -> RawMesh:
     made = raw_mesh(built, mesh_settings(scene))
     if (made.shape, made.order) != (read.shape, read.order):
         cells = "tetrahedra" if read.shape == "tetrahedron" else "hexahedra"
-        raise SceneError(
-            f"mesh.file: its cells are {cells} of order {read.order}, those of the builders are"
-            f' not; write mesh.cells = "{cells}" and mesh.order = {read.order}'
-        )
+        raise SceneError(f"""mesh.file: its cells are {cells} of order {read.order}, those of the
+            builders are not; write mesh.cells = "{cells}" and mesh.order = {read.order}""")
     return joined([made, read])
 
 
@@ -109,7 +105,8 @@ def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> list[s
         return brake_mesh.on_rank_0(checked, comm)
 
 
-def cut_loads(scene: Scene) -> list[str]:
+@lines
+def cut_loads(scene: Scene) -> Iterator[str]:
     """Loads on a face that is smaller than its parameters say, a line each.
 
     Args:
@@ -118,7 +115,6 @@ def cut_loads(scene: Scene) -> list[str]:
     Returns:
         Key, share that is left, and the force; nothing where every face is whole.
     """
-    lines = []
     with gmsh_session() as gmsh:
         for name, (builder, values) in scene_parts(scene).items():
             if not hasattr(builder, "cut_faces"):
@@ -127,13 +123,10 @@ def cut_loads(scene: Scene) -> list[str]:
             for face, (left, whole) in builder.cut_faces(gmsh.model.occ, values).items():
                 load = scene.loads.get(f"{name}.{face}")
                 if load is not None and load.pressure is not None:
-                    lines.append(
-                        f'loads."{name}.{face}": {100 * left / whole:.1f} % of the {face} lies'
-                        f" within the outline of {name} ({1e6 * left:.0f} of {1e6 * whole:.0f}"
-                        f" mm^2); {1e-6 * load.pressure:g} MPa gives {load.pressure * left:.0f} N"
-                        f" each, not {load.pressure * whole:.0f} N"
-                    )
-    return lines
+                    yield f"""loads."{name}.{face}": {100 * left / whole:.1f} % of the {face} lies
+                        within the outline of {name} ({1e6 * left:.0f} of {1e6 * whole:.0f} mm^2);
+                        {1e-6 * load.pressure:g} MPa gives {load.pressure * left:.0f} N each, not
+                        {load.pressure * whole:.0f} N"""
 
 
 def grouped_file(folder: Path, table: MeshTable) -> GroupedFile:
@@ -171,10 +164,8 @@ def _movement(scene: Scene, read: RawMesh, part: str, name: str) -> Array:
     if not size > 0:
         raise SceneError(f"{where} = {morph.displaced!r}: no node is at another place")
     if np.abs(step[others]).max(initial=0.0) > EVEN * size:
-        raise SceneError(
-            f"{where} = {morph.displaced!r}: nodes of other parts than {part} are moved; leave"
-            " them where they are in mesh.file"
-        )
+        raise SceneError(f"""{where} = {morph.displaced!r}: nodes of other parts than {part} are
+            moved; leave them where they are in mesh.file""")
     return np.asarray(step / (morph.ends[1] - morph.ends[0]))
 
 

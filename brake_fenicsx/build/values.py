@@ -27,7 +27,7 @@ from brake_fenicsx.errors import InaccurateResult, SceneError, located
 from brake_fenicsx.extensions import InputLaw
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.scene import Distribution, Scene
-from brake_fenicsx.scene.samples_section import Range, is_constant, split_key, unit_of
+from brake_fenicsx.scene.samples_section import Range, below_least, is_constant, split_key, unit_of
 from brake_fenicsx.scene.scalars import SPEED, changes_bodies, is_inertia, is_length
 
 from .material_table import by_material, nominal_value, stiffness, varied_stiffness
@@ -86,11 +86,8 @@ class Values(dict[str, float]):
         Shape (loads,).
         """
         own = {split_key(n)[1]: v for n, v in self.items() if split_key(n)[0] == "loads"}
-        usual = {
-            face: 1.0 if load.pressure is None else load.pressure
-            for face, load in sorted(self.scene.loads.items())
-        }
-        return np.array([own.get(face, size) for face, size in usual.items()])
+        loads = sorted(self.scene.loads.items())
+        return np.array([own.get(face, load.size) for face, load in loads])
 
     def check(self) -> None:
         """Refuse values that no brake has.
@@ -99,17 +96,16 @@ class Values(dict[str, float]):
             SceneError: the key and its value, or the material.
         """
         for name, value in self.items():
-            last = split_key(name)[2]
             if isinstance(value, str):
                 raise SceneError(f"{name} = {value!r}: write a number, in SI units")
             if is_constant(name):
                 continue
-            if name == SPEED and not value * nominal_value(self.scene, name) > 0:
-                raise SceneError(f"{name} = {value:g}: must not be zero, and have the scene's sign")
-            if (last in ("penalty", "rho") or is_length(name)) and not value > 0:
-                raise SceneError(f"{name} = {value:g}: must be positive")
-            if name != SPEED and not value >= 0:
-                raise SceneError(f"{name} = {value:g}: must be zero or more")
+            wrong = below_least(name, value)
+            if name == SPEED:
+                same = value * nominal_value(self.scene, name) > 0
+                wrong = "" if same else "must not be zero, and have the scene's sign"
+            if wrong:
+                raise SceneError(f"{name} = {value:g}: {wrong}")
         for material, constants in by_material(self).items():
             table = self.scene.materials[material]
             with located(f"materials.{material}"):
@@ -243,10 +239,8 @@ def _definite(box: Box, x: Array) -> dict[str, Array]:
         if not la.eigvalsh(C)[0] > 0:
             own = (n for n in box.names if split_key(n)[1] == name)
             values = ", ".join(f"{n} = {box.values(x)[n]:.3g} {unit_of(n)}" for n in own)
-            raise InaccurateResult(
-                f"materials.{name} is not positive definite everywhere in the range of its values,"
-                f" with {values} for example; narrow the range"
-            )
+            raise InaccurateResult(f"""materials.{name} is not positive definite everywhere in the
+                range of its values, with {values} for example; narrow the range""")
     return found
 
 
@@ -279,10 +273,8 @@ def _spanning(scene: Scene, name: str) -> list[float]:
     possible = least >= 0 if name.endswith(".mass") else least > 0
     if not possible and (is_length(name) or is_inertia(name) or _is_modulus(name)):
         where = 'samples.random."{}"' if law is not None else 'sweep.parameters."{}"'
-        raise SceneError(
-            f"{where.format(name)}: the law reaches {least:.3g} {unit_of(name)} with a probability"
-            f" of {TAIL:g}; write a positive min, or a smaller sd"
-        )
+        raise SceneError(f"""{where.format(name)}: the law reaches {least:.3g} {unit_of(name)} with
+            a probability of {TAIL:g}; write a positive min, or a smaller sd""")
     return values
 
 

@@ -5,8 +5,6 @@ believed about its size: what an array declares is compared with the bytes that 
 memory is taken, and may be larger than these, where they are compressed, by ``RATIO`` at most.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import mmap
@@ -24,7 +22,7 @@ import numpy as np
 from brake_fenicsx.errors import BrakeError, SceneError
 
 from .log import short_line
-from .memory import mapped_files
+from .processes import mapped_files
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 Source = Path | IO[bytes]

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, whatever ends the program, and a folder of them."""
+"""Files that appear whole or not at all, whatever ends the program: a folder's, and a cache's."""
 
 from __future__ import annotations
 
@@ -12,14 +12,18 @@ import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from brake_fenicsx.errors import StorageError
+from brake_fenicsx.errors import SceneError, StorageError
 
 from .arrays import check_mapped, npy, read_npz, reading
 from .lock import has_ended, process_name
+from .log import logger
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 # End of the names of files that are being written, and when one of another machine is left [s].
 PART, OLD = ".part", 86400.0
@@ -201,3 +205,73 @@ def _write_arrays(file: BinaryIO, arrays: Mapping[str, Any]) -> None:
 
 def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.generic | np.ndarray) else str(value)
+
+
+class SharedCache:
+    """Files that results folders share, each under a hash of what it depends on.
+
+    Laws, the order of the dofs and the reduced models depend on a part of a scene alone. Of scenes
+    that differ elsewhere (seed, friction, its distribution, a load) the first makes them, the
+    others link to them.
+    """
+
+    def __init__(self, store: ResultFiles, directory: Path | None = None):
+        """Look at the directory.
+
+        Args:
+            store: the results folder.
+            directory: the shared folder, made if it is not there; None: nothing is shared.
+
+        Raises:
+            SceneError: it is no folder, or cannot be written to.
+        """
+        self.store, self.directory = store, directory
+        if directory is None:
+            return
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise SceneError(f"--cache {directory}: {error.strerror}; name a folder") from None
+        if not os.access(directory, os.W_OK):
+            raise SceneError(f"--cache {directory}: cannot be written to; name another folder")
+
+    @contextmanager
+    def shared(self, name: str, depends: Callable[[], Any], comm: MPI.Comm) -> Iterator[None]:
+        """Take a file before it is asked for, and leave it after it was made; collective.
+
+        Args:
+            name: the file's name in the results folder.
+            depends: gives all that its content depends on, plain values; called by process 0, and
+                only where there is a shared folder.
+            comm: processes of the run.
+        """
+        if self.directory is None:
+            yield
+            return
+        if comm.rank > 0:
+            comm.Barrier()
+            yield
+            return
+        stem, suffix = os.path.splitext(os.path.basename(name))
+        there = self.directory / f"{stem}-{digest(depends())[:16]}{suffix}"
+        own = self.store.path(name)
+        if there.exists() and not own.exists():
+            logger.info("%s: from %s", name, there)
+            _link(there, own)
+        comm.Barrier()
+        yield
+        if own.exists() and not there.exists():
+            try:
+                _link(own, there)
+            except StorageError as error:
+                text = "%s: cannot be written (%s); the run continues without it"
+                logger.warning(text, there, error.__cause__)
+
+
+def _link(source: Path, target: Path) -> None:
+    """The same file where the file system allows it, else a copy; whole or not at all."""
+    with whole_file(target) as part:
+        try:
+            os.link(source, part)
+        except OSError:
+            shutil.copyfile(source, part)

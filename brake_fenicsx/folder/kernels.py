@@ -5,8 +5,6 @@ takes its oldest kernels (Prescott, of 2004): 0.3.21 of Debian 12 multiplies mat
 Rapids at a fifth of the speed of its best kernels. Here the instruction set chooses the kernels.
 """
 
-from __future__ import annotations
-
 import ctypes
 import re
 from contextlib import suppress

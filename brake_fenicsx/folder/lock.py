@@ -10,8 +10,6 @@ filelock 4.3 watch an unchanged claim of another machine for the whole term firs
 Shares of a run: the tasks of a job array compute the samples of one scene in parts.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import socket

@@ -4,8 +4,6 @@ A picture, a field, a derivative or a limit cycle is beside the main result of a
 there costs itself alone, and the log and the page say so (``spared``).
 """
 
-from __future__ import annotations
-
 import errno
 import logging
 import sys

@@ -1,20 +1,36 @@
-"""Processes of a run: work that they take in turns, and the memory of the largest.
+"""Processes of a run: work that they take in turns, and their memory.
 
 A result, or what went wrong, reaches all of them.
+
+SuperLU_DIST, which PETSc loads, tells the C library to keep whatever is freed (mallopt: no mmap, no
+trimming). A process then holds its peak to its end, and peaks of several processes add up although
+they come at different times. Here large blocks get pages of their own again, which go back when
+they are freed.
 """
 
 from __future__ import annotations
 
+import ctypes
+import mmap
 import resource
 import socket
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
+from weakref import WeakSet
 
-from mpi4py import MPI
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 T = TypeVar("T")
+_trim, _option = (getattr(ctypes.CDLL(None), name, None) for name in ("malloc_trim", "mallopt"))
+# Numbers of mallopt's options, and blocks that get pages of their own: those from LARGE bytes on,
+# the most that the C library chooses by itself, and so many of them.
+MMAP_THRESHOLD, MMAP_MAX, LARGE, BLOCKS = -3, -4, 2**25, 2**16
+
+# Files that are mapped into memory, while anything reads their arrays.
+mapped_files: WeakSet[mmap.mmap] = WeakSet()
 
 
 def in_turns(count: int, work: Callable[[int], T], comm: MPI.Comm, aside: int = 0) -> Iterator[T]:
@@ -85,7 +101,20 @@ def peak_memory(comm: MPI.Comm) -> tuple[float, float]:
     lines = (line.split() for line in Path("/proc/self/status").read_text("utf-8").splitlines())
     mapped = sum(int(w[1]) for w in lines if w[0] in ("RssFile:", "RssShmem:")) / 1024
     nodes: dict[str, list[tuple[float, float]]] = {}
-    for node, own in comm.allgather((socket.gethostname(), (peak - mapped, mapped))):
+    for node, own in comm.allgather((socket.gethostname(), (peak, mapped))):
         nodes.setdefault(node, []).append(own)
-    whole = (sum(p for p, _ in held) + max(m for _, m in held) for held in nodes.values())
-    return comm.allreduce(peak, MPI.MAX), max(whole)
+    whole = (sum(p - m for p, m in held) + max(m for _, m in held) for held in nodes.values())
+    return max(p for held in nodes.values() for p, _ in held), max(whole)
+
+
+def release_memory() -> None:
+    """Return free pages to the system, and those of mapped files, which are read again on demand.
+
+    Free pages stay where the C library cannot return them.
+    """
+    for file in mapped_files:
+        file.madvise(mmap.MADV_DONTNEED)
+    if _trim is not None and _option is not None:
+        _option(MMAP_MAX, BLOCKS)
+        _option(MMAP_THRESHOLD, LARGE)
+        _trim(ctypes.c_size_t(0))

@@ -8,8 +8,6 @@ Who packs also writes what the tables need of the block, as columns, into the ar
 run then reads no sample.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """How far a run is: samples done, who is at work, time to go; nothing is written."""
 
-from __future__ import annotations
-
 import json
 import re
 import time

@@ -24,6 +24,7 @@ from brake_fenicsx.errors import SceneError
 from .files import ResultFiles, emptied, remove_remains
 from .lock import BEAT, Lock, Share
 from .log import logger
+from .processes import on_first
 from .sample_files import SampleFiles
 
 if TYPE_CHECKING:
@@ -213,7 +214,6 @@ def _take(store: Store, claim: str, others: str) -> None:
 
 def _on_first(work: Callable[[], T], store: Store, comm: MPI.Comm) -> T:
     """What the first process does in the folder; what goes wrong there is raised on all."""
-    from .processes import on_first  # MPI, which a reader of results does without
 
     def guarded() -> T:
         try:

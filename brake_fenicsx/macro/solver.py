@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.arguments import Array, of_kind
 from brake_fenicsx.errors import InaccurateResult, OfOneProcess
-from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.processes import release_memory
 
 BLOCK = 128
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.extensions import Extra, extras, load, shown
 from brake_fenicsx.folder.log import logger, spared
-from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.processes import release_memory
 from brake_fenicsx.results.run import RunData, read_run
 
 from .contact_figures import draw_contact_maps, draw_contact_pressure, draw_laws, laws_caption

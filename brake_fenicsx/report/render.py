@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.compat import vtk_cells
-from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.processes import release_memory
 from brake_fenicsx.meshing.rawmesh import body_of_points
 
 from .style import CYCLE, DPI, WIDTH, house_style

@@ -10,8 +10,7 @@ import numpy as np
 
 from brake_fenicsx.extensions import load, named
 from brake_fenicsx.folder import sample_files
-from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.processes import on_first, release_memory
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.contact_elements import Contact

@@ -16,10 +16,9 @@ from brake_fenicsx.build.damping_terms import record
 from brake_fenicsx.build.parametric import ParametricBrake
 from brake_fenicsx.errors import OfOneProcess
 from brake_fenicsx.folder.arrays import Arrays
-from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.log import logger
-from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.processes import on_first, release_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.condensation import Compliance, Solves, UnitLoads, compliance
 from brake_fenicsx.macro.equilibrium import Condensed

@@ -21,8 +21,7 @@ import scipy.sparse as sp
 from brake_fenicsx.arguments import AnyArray, Index
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.processes import on_first, release_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.faces import body_of_nodes
 

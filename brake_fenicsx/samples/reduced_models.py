@@ -21,10 +21,9 @@ from brake_fenicsx.build.parametric import ParametricBrake
 from brake_fenicsx.build.values import Box, Values
 from brake_fenicsx.errors import BrakeError, OfOneProcess, SceneError, StorageError
 from brake_fenicsx.extensions import widest_band
-from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.log import Progress, logger
-from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.processes import on_first, release_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.scene import Scene, Stability
 from brake_fenicsx.scene.approaches import active_terms, lone_samples, reduced_approaches

@@ -18,7 +18,7 @@ from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.parametric import parametric_brake
 from brake_fenicsx.errors import BrakeError, InaccurateResult, OfOneProcess, SceneError
 from brake_fenicsx.extensions import beside_samples, load
-from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.braking import reference_stiffness

@@ -1,7 +1,5 @@
 """What acts in the samples of each approach: friction, damping, and the method of the modes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

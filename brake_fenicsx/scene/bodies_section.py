@@ -1,7 +1,5 @@
 """What acts on the bodies of a scene: supports, loads, ties, springs, added masses, motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -45,6 +43,11 @@ class Load:
     moment: tuple[float, ...] | None = axes("N m", '[0, 0, "50 N m"]', "any")
     displacement: dict[str, float] | None = key("m", default=None, sign="any")
     steps: int = key(default=1, most=10_000)
+
+    @property
+    def size(self) -> float:
+        """What multiplies the load of the unit: the pressure [Pa], or 1 of any other one."""
+        return 1.0 if self.pressure is None else self.pressure
 
     def contradictions(self) -> Iterator[str]:
         """A pressure, or a force and a moment, or a displacement of a support."""

@@ -1,7 +1,5 @@
 """Rules between sections of a scene: parts, what acts on their faces, and damping."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """[contact] of a scene: interfaces between two faces, with law, friction and zone."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace

@@ -1,7 +1,5 @@
 """What a scene comes to: its settings in effect, and hashes of what results depend on."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import sys

@@ -4,8 +4,6 @@ Fields of a dataclass and their metadata are the one source of what is read here
 (``json_schema``) and of docs/scene.md.
 """
 
-from __future__ import annotations
-
 import inspect
 import json
 import math
@@ -44,17 +42,6 @@ ANY_UNIT = {"anyOf": [QUANTITY, {"type": "number"}]}
 SIGNS: Any = {"positive": {"gt": 0}, "zero": {"ge": 0}, "any": {}}
 # Whole numbers are no larger than the samples or steps that any computer gets through.
 MOST = 10**7
-# Sections of tables by names that a user chooses: an unknown one is a slip as a rule.
-NAMED = ("parts", "materials", "contact", "ties")
-# Names of version 0.1 and what replaced them.
-RENAMED = {"fast": "parametric"}
-# Keys of version 0.2 that are gone, and what to do in their place.
-GONE = {
-    **dict.fromkeys(("window", "decimation"), "cut or thin the scan itself"),
-    "noise": "add noise to the scan itself",
-    "laws_per_sample": "all samples draw from micro.laws laws",
-    "synthesis": "all artificial surfaces are translation fields",
-}
 TEXTS = {
     "missing": "missing; it has no default", "dict_type": "write a table",
     "string_type": "write text", "bool_type": "write true or false",
@@ -364,12 +351,10 @@ def _known(table: Any, names: tuple[str, ...]) -> Any:
 
 
 def _hint(name: str, names: tuple[str, ...], root: Any) -> str:
-    """What an unknown key may stand for: a key that is gone, of another section, or like it."""
-    if name in GONE:
-        return f"; version 0.2 had it: {GONE[name]}"
+    """What an unknown key may stand for: a key of another section, or like it."""
     if homes := _homes(name, root):
         return f"; {name} belongs to {' or '.join(homes)}"
-    return _similar(name, names) or f"; known: {', '.join(sorted(names))}"
+    return likely(name, names) or f"; known: {', '.join(sorted(names))}"
 
 
 def _homes(name: str, root: Any) -> list[str]:
@@ -379,14 +364,8 @@ def _homes(name: str, root: Any) -> list[str]:
 
 def _one_of(value: Any, choices: tuple[Any, ...]) -> Any:
     if not any(value == c and type(value) is type(c) for c in choices):
-        raise ValueError(f"use one of {', '.join(map(str, choices))}{_similar(value, choices)}")
+        raise ValueError(f"use one of {', '.join(map(str, choices))}{likely(value, choices)}")
     return value
-
-
-def _similar(word: Any, words: tuple[Any, ...]) -> str:
-    if (new := RENAMED.get(str(word))) in words:
-        return f"; its name is {new!r} now"
-    return likely(word, words)
 
 
 def _as_many(value: Any, units: tuple[str, ...]) -> Any:
@@ -417,7 +396,11 @@ def _line(error: Any, table: Any, root: Any) -> str:
     keys = [k for k in error["loc"] if isinstance(k, str) and not re.fullmatch(r"\(.*\)", k)]
     keys += getattr(cause, "keys", ())
     text = str(cause) if cause else TEXTS.get(error["type"], error["msg"])
-    text += _remedy(error, keys, table, root)
+    named = f"[{'.'.join([*keys[:-1], 'NAME'])}]"
+    if error["type"] == "dict_type" and named in _homes(keys[-1], root):
+        text += f"; {keys[-1]} belongs to {named}"
+    if error["type"] == "less_than_equal":
+        text += f", {error['ctx']['le']} at most"
     if isinstance(cause, UnknownKey):
         text = absent(keys[-1]) or text + _hint(keys[-1], cause.names, root)
     value = table
@@ -430,18 +413,3 @@ def _line(error: Any, table: Any, root: Any) -> str:
     elif isinstance(value, str) and "number" in text and re.fullmatch(r"[-+\d.eE]+", value):
         text += f"; without quotes, {value}"
     return f"{dotted(*keys)} = {shown(value)}: {text}"
-
-
-def _remedy(error: Any, keys: list[str], table: Any, root: Any) -> str:
-    """What some kinds of mistakes are, as a rule, and how they are put right."""
-    kind, named = error["type"], f"[{'.'.join([*keys[:-1], 'NAME'])}]"
-    if kind == "dict_type" and named in _homes(keys[-1], root):
-        return f"; {keys[-1]} belongs to {named}"
-    if kind == "less_than_equal":
-        return f", {error['ctx']['le']} at most"
-    if kind == "greater_than_equal" and keys == ["stability", "threshold"]:
-        return "; 0.01 counts modes with a damping below -0.01"
-    if kind == "missing" and len(keys) == 3 and keys[0] in NAMED:
-        others = ", ".join(name for name in table[keys[0]] if name != keys[1])
-        return f" ({keys[0]} there are beside {keys[1]}: {others})" if others else ""
-    return ""

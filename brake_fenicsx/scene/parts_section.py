@@ -1,7 +1,5 @@
 """[parts] and [materials] of a scene: a builder with its parameters, or cells of a mesh file."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from collections.abc import Callable, Iterator, Mapping

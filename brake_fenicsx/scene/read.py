@@ -1,7 +1,5 @@
 """A scene: one TOML file to checked, frozen settings in SI units, and classes of a user's own."""
 
-from __future__ import annotations
-
 import copy
 import json
 import re

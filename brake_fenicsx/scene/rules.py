@@ -1,7 +1,5 @@
 """Rules between sections of a scene: names, stages, approaches and what varies."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from itertools import combinations

@@ -288,7 +288,7 @@ def below_least(name: str, value: float) -> str:
     if last.startswith("nu") or last in ("C12", "C13", "C23"):
         return ""
     if last in ("friction", "loss", "alpha", "beta", "mass", "pressure"):
-        return "must be zero or more" if value < 0 else ""
+        return "" if value >= 0 else "must be zero or more"
     return "" if value > 0 else "must be positive"
 
 

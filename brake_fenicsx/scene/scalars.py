@@ -1,7 +1,5 @@
 """Scalars of a scene that are random or swept: what each acts on, and which are refused."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
@@ -11,46 +9,37 @@ from brake_fenicsx.errors import SceneError
 
 from . import approaches
 from . import parts_section as parts
+from . import samples_section as samples
 from .keys import KeyMistake, dotted
-from .samples_section import (
-    ENGINEERING,
-    Distribution,
-    Range,
-    is_constant,
-    quantities,
-    split_key,
-    unit_of,
-)
 from .scene import Scene
 from .units import to_si
 
 # Key of a scalar that belongs to no table of several.
 SPEED = "motion.speed"
-ALIKE = (
-    0.85  # least likeness of a wrong key to the one that was meant: they have sections in common
-)
+# Least likeness of a wrong key to the one that was meant: they have sections in common.
+ALIKE = 0.85
 
 
 def changes_bodies(scene: Scene, name: str) -> bool:
     """Whether a scalar, by its dotted key, enters the matrices of the bodies."""
     if name == SPEED:
         return bool(scene.damping and scene.damping.gyroscopic)
-    return split_key(name)[0] in ("materials", "masses", "parts", "stability")
+    return samples.split_key(name)[0] in ("materials", "masses", "parts", "stability")
 
 
 def is_length(name: str) -> bool:
     """Whether a scalar, by its dotted key, is a length of a part."""
-    return split_key(name)[0] == "parts"
+    return samples.split_key(name)[0] == "parts"
 
 
 def is_inertia(name: str) -> bool:
     """Whether a scalar, by its dotted key, is the density of a material or a mass on a face."""
-    return split_key(name)[2] in ("rho", "mass")
+    return samples.split_key(name)[2] in ("rho", "mass")
 
 
 def written_value(scene: Scene, name: str) -> float:
     """Value of a scalar, by its dotted key, as the scene writes it, SI."""
-    section, table, last = split_key(name)
+    section, table, last = samples.split_key(name)
     if name == SPEED:
         return 1.0 if scene.motion is None else scene.motion.rate
     if is_length(name):
@@ -68,7 +57,7 @@ def written_value(scene: Scene, name: str) -> float:
 def si_unit(scene: Scene, name: str) -> str:
     """SI unit of a scalar in this scene, by its dotted key; empty for a plain number."""
     if name != SPEED:
-        return unit_of(name)
+        return samples.unit_of(name)
     return "rad/s" if scene.motion is None or scene.motion.direction is None else "m/s"
 
 
@@ -85,7 +74,7 @@ def meant(scene: Scene, name: str) -> str:
     written, known = [*keys(scene.table)], list[str]()
     for key in written:
         with suppress(SceneError, KeyMistake):
-            unit_of(key)
+            samples.unit_of(key)
             check_scalar(scene, key, key)
             known.append(key)
     ends = [key for key in known if key.rpartition(".")[2] == name.rpartition(".")[2]]
@@ -112,7 +101,7 @@ def check_scalar(s: Scene, where: str, name: str) -> None:
 
 def _absent(s: Scene, name: str) -> Iterator[str]:
     """Why a scalar is no number of the scene."""
-    section, table, last = split_key(name)
+    section, table, last = samples.split_key(name)
     if section == "parts":
         table, last = parts.length_key(name)
     tables = getattr(s, section)
@@ -122,7 +111,7 @@ def _absent(s: Scene, name: str) -> Iterator[str]:
         return
     elif table not in tables:
         yield f"there is no [{section}.{table}]; there are {', '.join(tables) or 'none'}"
-    elif is_constant(name):
+    elif samples.is_constant(name):
         yield from _no_constant(tables[table], last)
     elif section == "parts":
         yield from _no_length(s, table, last)
@@ -141,17 +130,14 @@ def _no_constant(material: parts.MaterialTable, constant: str) -> Iterator[str]:
     elif material.model == "isotropic":
         if constant not in ("E", "nu") or by_stiffness:
             yield "of an isotropic material E and nu, or C11 and C12"
-    elif constant not in ENGINEERING:
-        yield f"use one of {', '.join(ENGINEERING)}"
+    elif constant not in samples.ENGINEERING:
+        yield f"use one of {', '.join(samples.ENGINEERING)}"
 
 
 def _no_length(s: Scene, name: str, length: str) -> Iterator[str]:
     """Why a length is none that may vary."""
     part = s.parts[name]
-    morph, layers = (
-        parts.morph_of(part, length),
-        parts.layers_of_thickness(part, length),
-    )
+    morph, layers = (parts.morph_of(part, length), parts.layers_of_thickness(part, length))
     moves = (parts.moved_planes, parts.moved_sideways)
     if length.startswith(parts.MORPH) and morph is None:
         yield f"there is no such table; there are {', '.join(part.morph) or 'none'}"
@@ -168,7 +154,7 @@ def _no_length(s: Scene, name: str, length: str) -> Iterator[str]:
 
 def _idle(s: Scene, name: str) -> Iterator[str]:
     """What a scalar acts on and the scene does not name, and the remedy."""
-    section, table, last = split_key(name)
+    section, table, last = samples.split_key(name)
     if name == SPEED and not _speed_acts(s):
         yield """nothing depends on the speed; name sliding, slope or gyroscopic in
             stability.damping, or write contact.NAME.friction = { static = .., kinetic = .., decay =
@@ -186,7 +172,7 @@ def _idle(s: Scene, name: str) -> Iterator[str]:
 
 def _without_damping(s: Scene, name: str) -> Iterator[str]:
     """Terms of the damping that a scalar needs, and those that do not allow it."""
-    section, table, last = split_key(name)
+    section, table, last = samples.split_key(name)
     loss, modal, rayleigh = (
         s.damping and getattr(s.damping, term) for term in ("loss", "modal", "rayleigh")
     )
@@ -212,10 +198,10 @@ def _speed_acts(s: Scene) -> bool:
 
 def _wrong_speeds(s: Scene, name: str) -> Iterator[str]:
     """Speeds without the unit of the scene's motion."""
-    kinds = (("samples", "random", Distribution), ("sweep", "parameters", Range))
+    kinds = (("samples", "random", samples.Distribution), ("sweep", "parameters", samples.Range))
     for section, key, cls in kinds if name == SPEED else ():
         table: dict[str, Any] = s.table.get(section, {}).get(key, {}).get(name, {})
-        held = [table[k] for k in quantities(cls) if k in table]
+        held = [table[k] for k in samples.quantities(cls) if k in table]
         values = [v for inner in held for v in (inner if isinstance(inner, list) else [inner])]
         for value in [*values, *([f"1 {table['unit']}"] if "unit" in table else [])]:
             try:

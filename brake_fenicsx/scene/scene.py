@@ -7,8 +7,6 @@ sections contradict in ``rules``. What a scene does not name is None, and is nei
 assembled nor imported.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass, fields, is_dataclass, make_dataclass, replace
 from functools import cache, partial

@@ -3,8 +3,6 @@
 Signs and derivations of the damping terms are in ``stability.damping_matrices``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -31,10 +29,7 @@ class EquilibriumTable:
             1e-3.
     """
 
-    tolerance: float = key(
-        default=1e-8,
-        rule=between(*NEWTON),
-    )
+    tolerance: float = key(default=1e-8, rule=between(*NEWTON))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,5 @@
 """[surface] and [micro] of a scene: scans or statistics, and the laws that are made from them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """Quantities with units at the border: "5 bar", "1983.3 MPa", "2.825 mm" to SI numbers."""
 
-from __future__ import annotations
-
 import math
 import re
 from contextlib import suppress

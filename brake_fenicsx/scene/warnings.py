@@ -1,13 +1,11 @@
 """Values that are allowed and yet unusual: mostly a slip of the unit, a line each."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from statistics import NormalDist
 from typing import Any
 
-from brake_fenicsx.errors import one_line
+from brake_fenicsx.errors import lines
 
 from .bodies_section import Load
 from .contact_section import ContactTable
@@ -22,10 +20,11 @@ CUT = 0.01  # share of a normal law below zero that is worth a warning
 LENGTHS = (10e-3, 1.0)  # m: longest length of a part
 
 
-def unusual(scene: Scene) -> list[str]:
+@lines
+def unusual(scene: Scene) -> Iterator[str]:
     """Numbers of a scene outside the band of usual ones: key, value, band."""
-    rules = (_bands, _random, _designs, _hardness, _metals, _lengths)
-    return [one_line(text) for rule in rules for text in rule(scene)]
+    for rule in (_bands, _random, _designs, _hardness, _metals, _lengths):
+        yield from rule(scene)
 
 
 def _bands(scene: Scene) -> Iterator[str]:

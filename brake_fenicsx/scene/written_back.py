@@ -4,8 +4,6 @@ Each is found by trying: of the places where a key of this name is written, the 
 which changes this key of the scene, and no other, when the text is read again.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Mapping

@@ -10,7 +10,7 @@ import pytest
 from brake_fenicsx import pipeline
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import bodies_key, laws_key

@@ -9,10 +9,8 @@ from brake_fenicsx.commands import argument, command
 
 
 @command(
-    argument("deck", metavar="MESH", complete="file",
-             help="mesh file: .inp, .cdb, .bdf, .msh, ..."),
-    argument("-o", dest="scene", metavar="SCENE.toml", complete="file",
-             help="the scene, ./MESH.toml"),
+    argument("deck", metavar="MESH", help="mesh file: .inp, .cdb, .bdf, .msh, ..."),
+    argument("-o", dest="scene", metavar="SCENE.toml", help="the scene, ./MESH.toml"),
     argument("--units", nargs=3, metavar=("mm", "t", "s"), help="consistent units of length, mass"
              " and time of the file; guessed if not given"),
     argument("--shells", choices=["solid"], help="make solids of the shells of a deck"),

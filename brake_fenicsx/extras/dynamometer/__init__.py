@@ -30,9 +30,7 @@ SAID = "{approach}: {threshold:.4g} (95 %: {threshold_low:.4g} to {threshold_hig
 HELP = "put it into this scene as stability.threshold"
 
 
-@command(
-    DIRECTORY, argument("--write", metavar="SCENE.toml", complete="file", help=HELP), alone=True
-)
+@command(DIRECTORY, argument("--write", metavar="SCENE.toml", help=HELP), alone=True)
 def threshold(options: Any, comm: Any) -> str:
     """Print the threshold of damping that fits the measured stops of [states] best."""
     import pandas as pd

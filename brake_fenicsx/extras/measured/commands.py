@@ -13,9 +13,8 @@ SUPPORTED = argument("--supported", action="store_true", help="with the supports
 
 @command(
     SCENE, SET, ALLOW,
-    argument("test", metavar="TEST.unv", complete="file",
-             help="universal file: nodes and modes (55) or frequency responses (58); or a table of"
-             " points, for responses of the model alone"),
+    argument("test", metavar="TEST.unv", help="universal file: nodes and modes (55) or frequency"
+             " responses (58); or a table of points, for responses of the model alone"),
     PART, SUPPORTED, folder_of("correlation"),
 )  # fmt: skip
 def correlate(options: Any, comm: Any) -> str:
@@ -40,7 +39,7 @@ def correlate(options: Any, comm: Any) -> str:
              help="standard deviation of each constant around the scene's; %(default)s"),
     argument("--error", type=float, default=0.5, metavar="PERCENT",
              help="standard deviation of a frequency, model and measurement; %(default)s"),
-    argument("--write", metavar="FILE.toml", complete="file", help="put the identified constants"
+    argument("--write", metavar="FILE.toml", help="put the identified constants"
              " into the scene file: the scene itself, or a new file beside it"),
     PART, SUPPORTED, folder_of("identified"),
 )  # fmt: skip

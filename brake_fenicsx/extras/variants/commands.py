@@ -6,11 +6,6 @@ from typing import Any
 
 from brake_fenicsx.commands import ALLOW, CACHE, SCENE, SET, argument, command, folder_of
 
-AFTER_COUNTERMEASURES = """\
-The results folder holds countermeasures.html and .csv, the run of the scene (before/), and one run
-for each countermeasure that is enough (after-1/, ...), compared with it. The same command resumes
-an interrupted search. docs/countermeasures.md says what is searched and how."""
-
 
 @command(
     SCENE, SET, ALLOW, folder_of("budget"), CACHE,
@@ -30,10 +25,14 @@ def budget(options: Any, comm: Any) -> str:
     argument("--together", nargs=2, metavar="KEY", default=(), help="try two of the scene's"
              " countermeasures together, on a grid"),
     argument("--points", type=int, default=6, help="values of each of these; %(default)s"),
-    epilog=AFTER_COUNTERMEASURES,
 )  # fmt: skip
 def countermeasures(options: Any, comm: Any) -> str | None:
-    """Find the smallest change of each of the scene's countermeasures that stops the squeal."""
+    """Find the smallest change of each of the scene's countermeasures that stops the squeal.
+
+    The results folder holds countermeasures.html and .csv, the run of the scene (before/), and one
+    run for each countermeasure that is enough (after-1/, ...), compared with it. The same command
+    resumes an interrupted search. docs/countermeasures.md says what is searched and how.
+    """
     given = options.scene, comm, options.directory, options.set, options.cache
     if options.together:
         from .together import find_together
@@ -49,9 +48,9 @@ def countermeasures(options: Any, comm: Any) -> str | None:
 
 
 @command(
-    argument("first", metavar="A", complete="folder", help="results folder of a run"),
-    argument("second", metavar="B", complete="folder", help="results folder of another run"),
-    argument("-o", dest="directory", metavar="DIR", default=".", complete="folder",
+    argument("first", metavar="A", help="results folder of a run"),
+    argument("second", metavar="B", help="results folder of another run"),
+    argument("-o", dest="directory", metavar="DIR", default=".",
              help="folder of the comparison, . if not given"),
     alone=True,
 )  # fmt: skip

@@ -17,8 +17,7 @@ from brake_fenicsx import pipeline
 from brake_fenicsx.errors import BrakeError, StorageError
 from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger, start_log
-from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.processes import on_first, release_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import TimeUp, limited
 from brake_fenicsx.scene import Scene, read_scene

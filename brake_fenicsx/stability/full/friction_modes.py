@@ -37,8 +37,7 @@ import numpy as np
 import scipy.linalg as la
 
 from brake_fenicsx.arguments import AnyArray, Array, Complex
-from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.folder.processes import in_turns, on_first
+from brake_fenicsx.folder.processes import in_turns, on_first, release_memory
 from brake_fenicsx.macro.solver import BlockProduct
 
 from ..eigensolvers import argument_principle, symmetric

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.processes import release_memory
 
 from ..eigensolvers.arnoldi import with_conjugates
 from ..modes import Count, Modes, damped_rows, undamped_rows

@@ -23,8 +23,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
-from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.folder.processes import in_turns
+from brake_fenicsx.folder.processes import in_turns, release_memory
 from brake_fenicsx.iteration import Steps, sizes
 
 from ..eigensolvers.arnoldi import on_parts, times
