@@ -125,6 +125,22 @@ def test_degrees_that_gain_nothing_are_raised_once(monkeypatch, caplog):
     assert sum("made again" in r.getMessage() for r in caplog.records) == 1
 
 
+def test_a_range_in_which_only_every_second_degree_gains(monkeypatch, caplog):
+    """Errors of an even function of the range: one degree more gains nothing, two do."""
+    caplog.set_level("INFO", "brake_fenicsx")
+    errors = []
+
+    def of_this_model(reduced, contact):
+        errors.append(2e-5 if reduced.orders[0] < reduced_degrees[0] + 2 else 1e-7)
+        return np.full(9, errors[-1])
+
+    reduced_degrees = offline._degrees(1e-5, offline.Rows((0,), False))
+    monkeypatch.setattr(offline, "_errors", of_this_model)
+    monkeypatch.setattr(offline, "_of_each_parameter", lambda *_: np.array([errors[-1]]))
+    model.prepare(BLOCK, COARSE, parameters={HEIGHT: (18e-3, 20e-3)})
+    assert sum("made again" in r.getMessage() for r in caplog.records) == 2 and errors[-1] == 1e-7
+
+
 def test_a_range_too_wide_for_the_kept_modes():
     """A cutoff just above the band, and a block that becomes soft: rejected."""
     narrow = [*COARSE, "stability.cutoff='21 kHz'"]

@@ -136,13 +136,14 @@ def reduce_bodies(
     def points(orders: Index) -> int:
         return max(reduction.points for reduction in planned(orders))
 
-    model, before = made(np.full(parameters.dimension, degrees[0])), None
+    model = made(np.full(parameters.dimension, degrees[0]))
+    before: list[tuple[Index, Array]] = []
     while contact is not None:
         found = comm.bcast(higher(model, contact, tolerance, points, before))
         if found is None:
             break
-        orders, before = found[0], (model.orders, found[1])
-        model = made(orders)
+        before.append((model.orders, found[1]))
+        model = made(found[0])
     return model
 
 
@@ -289,7 +290,7 @@ def higher(
     contact: ContactLinearisation,
     tolerance: float,
     points: Callable[[Index], int],
-    before: tuple[Index, Array] | None = None,
+    before: Sequence[tuple[Index, Array]] = (),
 ) -> tuple[Index, Array] | None:
     """Degrees in each parameter with which the tolerance may hold.
 
@@ -298,8 +299,8 @@ def higher(
         contact: of a typical sample.
         tolerance: wanted relative error of lambda.
         points: of the box where a body is computed with some degrees.
-        before: degrees from which those of the model were raised, and the errors that each
-            parameter made of them, each of shape (d,).
+        before: degrees of earlier models of the same range, and the errors that each parameter
+            made of them, each of shape (d,).
 
     Returns:
         The degrees, and the errors that each parameter makes now, each of shape (d,); None where
@@ -309,8 +310,9 @@ def higher(
     if lacking is None:
         return None
     worst = int(lacking.each.argmax())
-    lower, errors = before or (orders, lacking.each)
-    if orders[worst] > lower[worst] and not lacking.each[worst] * STAGNANT < errors[worst]:
+    # By two degrees: what is nearly even or odd in a parameter gains nothing by one.
+    earlier = [errors[worst] for lower, errors in before if lower[worst] + 2 <= orders[worst]]
+    if earlier and not lacking.each[worst] * STAGNANT < earlier[-1]:
         return None
     # A parameter of a tenth of the error needs so many degrees less.
     share = lacking.usual / tolerance * lacking.each / lacking.each.max()
