@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,19 +13,15 @@ from numpy.typing import NDArray
 from brake_fenicsx.results.run import Arrays, RunData, sort_approaches
 from brake_fenicsx.results.tables import Columns, rows_of
 
+from . import style
 from .fields import facet_means
-from .style import BLACK, BLUE, ORANGE, PRESSURE, draw_field, finish, label, new_figure
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MOST_MAPS = 6
 FEW_POINTS = 300  # fewer touching points are circled
 FEW_LAWS = 5  # fewer have no band
 
 
-def draw_contact_maps(run: RunData) -> Figure | None:
+def draw_contact_maps(run: RunData) -> style.Figure | None:
     """Figure 7: where the surface touches the rigid plane, at loads from light to heavy."""
     maps = run.maps
     if maps is None or maps["pressures"].shape[0] == 0:
@@ -34,7 +30,7 @@ def draw_contact_maps(run: RunData) -> Figure | None:
     chosen = np.unique(np.linspace(0, n - 1, min(n, MOST_MAPS)).round().astype(int))
     columns = 2 if chosen.size in (2, 4) else min(3, chosen.size)
     rows = -(-chosen.size // columns)
-    figure, axes = new_figure(
+    figure, axes = style.new_figure(
         rows, columns, height=2.75 * rows, width=2.4 * columns + 0.9, sharex=True, sharey=True
     )
     positive = maps["pressures"][maps["pressures"] > 0] / 1e6
@@ -52,30 +48,33 @@ def draw_contact_maps(run: RunData) -> Figure | None:
     return figure
 
 
-def draw_laws(run: RunData) -> Figure | None:
+def draw_laws(run: RunData) -> style.Figure | None:
     """Figure 8: pressure against separation, linear and log, and stiffness against pressure."""
     laws = run.laws
     if laws is None or laws["d"].shape[0] == 0:
         return None
-    figure, axes = new_figure(1, 3, height=3.3)
-    E_star = _modulus(laws)
-    d, p, k = laws["d"] * 1e6, laws["p"], laws["k"]
-    _draw_bundle(axes[0, 0], d, p / 1e6)
+    figure, axes = style.new_figure(1, 3, height=3.3)
+    E_star = settings_of(laws).get("E_star")
+    d, p = laws["d"] * 1e6, laws["p"]
+    for axis, scale in ((axes[0, 0], 1e6), (axes[0, 1], E_star or 1e6)):
+        _draw_bundle(axis, d, p / scale, label="each law", color=style.BLUE)
+        if len(d) > 2:
+            rows, at = _at_common_pressures(d, p / scale)
+            looks = {"color": style.BLACK, "lw": 1.6, "label": "median separation"}
+            axis.plot(np.median(rows, axis=0), at, **looks)
     x, y = "separation $d$ [µm]", "mean pressure $p$ [MPa]"
     linear = f"(a) {d.shape[0]} laws, linear"
-    finish(axes[0, 0], title=linear, xlabel=x, ylabel=y, ylim=(0, None))
-    scale = E_star or 1e6
-    _draw_bundle(axes[0, 1], d, p / scale)
+    style.finish(axes[0, 0], title=linear, xlabel=x, ylabel=y, ylim=(0, None))
     log = f"(b) log, $E^*$ = {E_star / 1e6:.0f} MPa" if E_star else "(b) log"
     y = "$p/E^*$ [-]" if E_star else y
-    finish(axes[0, 1], title=log, yscale="log", xlabel=x, ylabel=y)
-    _draw_stiffness(axes[0, 2], p / 1e6, k / 1e9, laws["v"] / 1e9 if "v" in laws else None)
-    _mark_braking(axes[0, 2], run)
+    style.finish(axes[0, 1], title=log, yscale="log", xlabel=x, ylabel=y)
+    _draw_stiffness(axes[0, 2], laws)
+    if (span := _braking(run)) is not None:
+        looks = {"color": style.ORANGE, "alpha": 0.18, "lw": 0}
+        axes[0, 2].axvspan(*span, label="5 to 95 % of the\nbrake's patches", **looks)
     axes[0, 0].legend(loc="upper right")
-    handles, names = axes[0, 2].get_legend_handles_labels()
-    shown = [(h, n) for h, n in zip(handles, names, strict=True) if n != "each law"]
-    if shown:
-        axes[0, 2].legend(*zip(*shown, strict=True), loc="lower right", fontsize=7.5)
+    if axes[0, 2].get_legend_handles_labels()[0]:
+        axes[0, 2].legend(loc="lower right", fontsize=7.5)
     return figure
 
 
@@ -123,25 +122,18 @@ def settings_of(laws: Arrays) -> dict[str, Any]:
     return settings if isinstance(settings, dict) else {}
 
 
-def _modulus(laws: Arrays) -> float | None:
-    """E* [Pa] of a library, if it says so."""
-    if "E_star" in laws:
-        return float(laws["E_star"])
-    settings = settings_of(laws)
-    return float(settings["E_star"]) if "E_star" in settings else None
-
-
-def _draw_map(axes: Axes, maps: Arrays, j: int, limits: tuple[float, float]) -> Any:
+def _draw_map(axes: style.Axes, maps: Arrays, j: int, limits: tuple[float, float]) -> Any:
     import matplotlib
     from matplotlib.colors import LinearSegmentedColormap, LogNorm
+    from matplotlib.ticker import LogFormatterSciNotation
 
     ramp = matplotlib.colormaps["inferno_r"](np.linspace(0.3, 1.0, 256))
     colours = LinearSegmentedColormap.from_list("contact", ramp)
     p, size = maps["pressures"][j] / 1e6, maps["size"] * 1e3
     shown = np.where(p > 0, p, np.nan)
-    image = draw_field(axes, shown, size, colours, "white", norm=LogNorm(*limits))
-    touching, area = int(np.count_nonzero(p > 0)), float(maps["area_fraction"][j])
-    load = f"$p/E^*$ = {_power(float(maps['p_over_E'][j]))}"
+    image = style.draw_field(axes, shown, size, colours, "white", norm=LogNorm(*limits))
+    touching, ratio, area = np.count_nonzero(p > 0), maps["p_over_E"][j], maps["area_fraction"][j]
+    load = f"$p/E^*$ = {LogFormatterSciNotation()(float(f'{ratio:.1e}'))}"
     points = f" ({touching} points)" if touching < FEW_POINTS else ""
     axes.set_title(f"{load}\nreal contact {100 * area:.2g} %{points}", fontsize=8.5)
     if points:
@@ -149,7 +141,7 @@ def _draw_map(axes: Axes, maps: Arrays, j: int, limits: tuple[float, float]) -> 
     return image
 
 
-def _circle(axes: Axes, touching: NDArray, size: NDArray) -> None:
+def _circle(axes: style.Axes, touching: NDArray, size: NDArray) -> None:
     """Ring each group of touching points, which alone would be lost in print."""
     from scipy.ndimage import binary_dilation, center_of_mass, label
 
@@ -157,17 +149,7 @@ def _circle(axes: Axes, touching: NDArray, size: NDArray) -> None:
     if n:
         centres = np.array(center_of_mass(touching, groups, range(1, n + 1)))
         x, y = ((centres + 0.5) * size / touching.shape).T
-        axes.scatter(x, y, s=90, facecolors="none", edgecolors=BLUE, linewidths=0.8)
-
-
-def _power(value: float) -> str:
-    """A number as text with its power of ten, for mathtext."""
-    if value <= 0:
-        return "0"
-    exponent = int(np.floor(np.log10(value) + 1e-9))
-    factor = value / 10.0**exponent
-    power = f"10^{{{exponent}}}"
-    return f"${power}$" if f"{factor:.1f}" == "1.0" else f"${factor:.1f}\\cdot {power}$"
+        axes.scatter(x, y, s=90, facecolors="none", edgecolors=style.BLUE, linewidths=0.8)
 
 
 def _limits(positive: NDArray) -> tuple[float, float]:
@@ -179,46 +161,33 @@ def _limits(positive: NDArray) -> tuple[float, float]:
 
 
 def _draw_bundle(
-    axes: Axes, x: NDArray, y: NDArray, median: bool = True, faint: float = 1.0
+    axes: style.Axes, x: NDArray, y: NDArray, faint: float = 1.0, **looks: Any
 ) -> None:
-    """All laws as thin lines, and in bold the median separation at each pressure."""
+    """All laws as thin lines."""
     from matplotlib.collections import LineCollection
 
-    y = np.where(y > 0, y, np.nan)
+    lines = [np.column_stack(pair) for pair in zip(x, np.where(y > 0, y, np.nan), strict=True)]
     alpha = faint * float(np.clip(12 / len(x), 0.15, 0.8))
-    lines = LineCollection(
-        [np.column_stack(pair) for pair in zip(x, y, strict=True)],
-        colors=BLUE,
-        linewidths=0.7,
-        alpha=alpha,
-        label="each law",
-    )
-    axes.add_collection(lines)
+    axes.add_collection(LineCollection(lines, linewidths=0.7, alpha=alpha, **looks))
     axes.autoscale_view()
-    if median and len(x) > 2:
-        rows, at = _at_common_pressures(x, y)
-        axes.plot(np.median(rows, axis=0), at, color=BLACK, lw=1.6, label="median separation")
 
 
-def _draw_stiffness(axes: Axes, p: NDArray, k: NDArray, v: NDArray | None) -> None:
-    """Stiffness of each law, and median and band over the laws."""
-    faint = 0.4 if len(p) >= FEW_LAWS else 1.0  # below the band
-    _draw_bundle(axes, p, k, median=False, faint=faint)
-    if v is not None:
-        for law_p, law_v in zip(p, v, strict=True):
-            axes.plot(law_p, law_v, color=ORANGE, lw=0.5, alpha=0.4 * faint)
-        axes.plot([], [], color=BLUE, label="of loading")
-        axes.plot([], [], color=ORANGE, label="of small vibrations")
-    if len(p) >= FEW_LAWS:
-        for values, colour, text in (
-            (k, BLUE, "median, 5 to 95 %"),
-            *(((v, ORANGE, None),) if v is not None else ()),
-        ):
-            rows, at = _at_common_pressures(values, p)
+def _draw_stiffness(axes: style.Axes, laws: Arrays) -> None:
+    """Stiffness of each law, and median and band over many laws."""
+    kinds = {"k": ("of loading", style.BLUE), "v": ("of small vibrations", style.ORANGE)}
+    kinds = {name: kind for name, kind in kinds.items() if name in laws}
+    p, many = laws["p"] / 1e6, len(laws["p"]) >= FEW_LAWS
+    for name, (text, colour) in kinds.items():
+        _draw_bundle(axes, p, laws[name] / 1e9, 0.4 if many else 1.0, color=colour)
+        if len(kinds) > 1:
+            axes.plot([], [], color=colour, label=text)
+        if many:
+            rows, at = _at_common_pressures(laws[name] / 1e9, p)
             low, middle, high = np.quantile(rows, [0.05, 0.5, 0.95], axis=0)
             axes.fill_between(at, low, high, color=colour, alpha=0.35, lw=0, zorder=2.5)
-            axes.plot(at, middle, color=BLACK, lw=1.6, label=text, zorder=3)
-    finish(axes, title="(c) stiffness", xscale="log", yscale="log")
+            label = "median, 5 to 95 %" if name == "k" else None
+            axes.plot(at, middle, color=style.BLACK, lw=1.6, zorder=3, label=label)
+    style.finish(axes, title="(c) stiffness", xscale="log", yscale="log")
     axes.set(xlabel="mean pressure $p$ [MPa]", ylabel="stiffness $-p'(d)$ [N/mm$^3$]")
 
 
@@ -235,14 +204,6 @@ def _at_common_pressures(values: NDArray, p: NDArray) -> tuple[NDArray, NDArray]
     return np.array(rows), at
 
 
-def _mark_braking(axes: Axes, run: RunData) -> None:
-    """Shade the pressures that the closed contact elements of the run really see."""
-    if (span := _braking(run)) is not None:
-        axes.axvspan(
-            *span, color=ORANGE, alpha=0.18, lw=0, label="5 to 95 % of the\nbrake's patches"
-        )
-
-
 def _braking(run: RunData) -> tuple[float, float] | None:
     """Range of the pressures on closed contact elements with a law [MPa], if there is a brake."""
     if run.contact is None:
@@ -254,7 +215,7 @@ def _braking(run: RunData) -> tuple[float, float] | None:
     return float(low), float(high)
 
 
-def draw_contact_pressure(run: RunData) -> Figure | None:
+def draw_contact_pressure(run: RunData) -> style.Figure | None:
     """Pressure of the pads' facets at equilibrium, first stored sample of each approach."""
     contact = None if run.contact is None else sliding_rows(run, run.contact)
     if contact is None or contact["element"].size == 0:
@@ -266,10 +227,10 @@ def draw_contact_pressure(run: RunData) -> Figure | None:
         rows = rows_of(contact, mine & (contact["sample"] == sample))
         p = rows["p"] / 1e6
         top = float(np.quantile(p[p > 0], 0.98)) if np.any(p > 0) else 1.0
-        place = f"{label(run, name)}, sample {sample}"
+        place = f"{style.label(run, name)}, sample {sample}"
         ends = "max" if np.any(p > top) else "neither"
         maps.append(PadMap(place, rows, p, (0.0, top), "pressure [MPa]", ends, _closed))
-    return draw_pads(run, maps, PRESSURE)
+    return draw_pads(run, maps, style.PRESSURE)
 
 
 def _closed(contact: Columns) -> str:
@@ -301,7 +262,7 @@ class PadMap:
     more: Callable[[Columns], str] = lambda contact: ""
 
 
-def draw_pads(run: RunData, maps: Sequence[PadMap], colours: str) -> Figure:
+def draw_pads(run: RunData, maps: Sequence[PadMap], colours: str) -> style.Figure:
     """A row of panels with a colour bar for each map, a panel for each pad.
 
     Where the facets are not known, every element is drawn as a square of its area.
@@ -311,7 +272,7 @@ def draw_pads(run: RunData, maps: Sequence[PadMap], colours: str) -> Figure:
     sides = len(_pad_sides(maps[0].contact["z"]))
     x, y = (np.ptp(np.concatenate([m.contact[name] for m in maps])) for name in "xy")
     height = 0.75 + 5.2 / sides * float(np.clip(y / max(x, 1e-9), 0.2, 1.5))
-    figure, axes = new_figure(len(maps), sides, height=height * len(maps))
+    figure, axes = style.new_figure(len(maps), sides, height=height * len(maps))
     for row, m in zip(axes, maps, strict=True):
         for axis, (side, inside) in zip(row, _pad_sides(m.contact["z"]), strict=True):
             pad = rows_of(m.contact, inside)

@@ -15,7 +15,7 @@ from brake_fenicsx.results.tables import Value
 
 from .figures import figures, make_figures
 from .mode_cards import Card, ModePictures, family_card, family_table_cells, often_text, other_cards
-from .page_blocks import Block, Picture, Section, Special, Table, Text, render, write_page
+from .page_blocks import Block, Picture, Section, Special, Table, Text, note, render, write_page
 from .sections import appendix_sections, forces_blocks, input_blocks, rows_of_each, sweep_blocks
 from .squeal_figures import squeal_map
 from .surface_page import of_surface, surface_sections, surface_verdict
@@ -122,19 +122,10 @@ def _squeal(run: RunData, pictures: ModePictures) -> list[Block]:
         squeal_modes=f"squeal modes ({run.criterion})", share="share of squeal samples",
     )  # fmt: skip
     return [
-        Text(
-            "Every point is a complex mode of a sample with the eigenvalue alpha + i omega; its"
-            " damping is -2 alpha / |omega|, twice the damping ratio. Negative damping: the mode"
-            f" is unstable. It counts as squeal with {run.criterion} (stability.threshold of the"
-            " scene). This linear analysis does not predict the amplitude."
-        ),
+        note("map", criterion=run.criterion),
         Special("map", found),
         Table(*table),
-        Text(
-            "Neutral: the sign of the growth rate is uncertain within its numerical error, or the"
-            " mode is a rigid-body motion. Shares have 95 % Wilson intervals, which describe the"
-            " sampling error and not the error of the model."
-        ),
+        note("neutral"),
         *_families(run, pictures),
         *figures(run, "figure9_squeal_map", look="still"),
     ]
@@ -160,11 +151,7 @@ def _families(run: RunData, pictures: ModePictures) -> list[Block]:
     left = sum(map(len, run.families.values())) - len(rows)
     rest = "family" if left == 1 else "families"
     more = f" {left} less severe {rest}: tables/families.csv." if left else ""
-    note = (
-        "A family is the same mode recognised in many samples. Families are ranked by severity:"
-        " the share of samples in which the family squeals, times the median of its damping there."
-    )
-    return [Text(note + more), Table.without_empty(heads, rows)]
+    return [note("families", more=more), Table.without_empty(heads, rows)]
 
 
 def _more_cards(run: RunData, pictures: ModePictures, shown: set[str]) -> list[Card]:
@@ -186,12 +173,7 @@ def _shapes(run: RunData, pictures: ModePictures, cards: list[Card]) -> list[Blo
         left = len(cards) - CARDS
         more = f" {left} more: appendix." if left > 0 else ""
         blocks = [
-            Text(
-                "Squeal mode of median damping of each of the most severe families, at the"
-                " phase of largest motion. Bodies are side by side, the bottom one on the left."
-                " Colour: displacement relative to its maximum. Pictures from both sides: figures/."
-                f"{more}"
-            ),
+            note("shapes", more=more),
             Special("shapes", cards[:CARDS]),
         ]
     calm = [run.label(name) for name, found in run.families.items() if not found]

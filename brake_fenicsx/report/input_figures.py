@@ -2,41 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 
 from brake_fenicsx.results.ensemble_statistics import Correlation, rank_correlation
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
-from brake_fenicsx.results.tables import SAMPLES, Columns, rows_of
+from brake_fenicsx.results.tables import SAMPLES, rows_of
 
+from . import style
 from .contact_figures import PadMap, draw_pads, sliding_rows
-from .style import (
-    BLACK,
-    BLUE,
-    CYCLE,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    finish,
-    label,
-    look,
-    new_figure,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 HATCHES = ("", "///", "...", "xxx", "\\\\\\")  # told apart without colours
 NO_INPUT = (*SAMPLES, "rejected", "tolerance_missed")  # columns of samples.csv
 FEWEST = 10  # samples below which a correlation says nothing
 
 
-def draw_sensitivity(run: RunData, most: int = 6) -> Figure | None:
+def draw_sensitivity(run: RunData, most: int = 6) -> style.Figure | None:
     """Bars of the indices of growth: the whole band, then the most severe families.
 
     Args:
@@ -46,80 +28,53 @@ def draw_sensitivity(run: RunData, most: int = 6) -> Figure | None:
     Returns:
         One panel per approach; None where no index is known.
     """
-    table = run.causes.get("sensitivity")
-    if table is None or not table["approach"].size:
-        return None
-    known = (table["outcome"] == "growth") & np.isfinite(table["first"].astype(float))
-    table = rows_of(table, known)
-    names = [a for a in run.approaches if np.any(table["approach"] == a)]
+    table = pd.DataFrame(run.causes.get("sensitivity", {"outcome": [], "first": []}))
+    table = table[table.outcome == "growth"].dropna(subset="first")
+    names = [a for a in run.approaches if len(table) and (table.approach == a).any()]
     if not names:
         return None
-    figure, axes = new_figure(len(names), 1, height=0.9 + 2.4 * len(names), sharey=True)
+    figure, axes = style.new_figure(len(names), 1, height=0.9 + 2.4 * len(names), sharey=True)
     for axis, name in zip(axes.flat, names, strict=True):
-        rows = table["approach"] == name
-        _draw(axis, rows_of(table, rows), most)
-        samples = f", {table['samples'][rows][0]} samples"
-        axis.set_title(f"{label(run, name)}: {table['method'][rows][0]}{samples}")
+        own = table[table.approach == name]
+        _draw_indices(axis, own, most)
+        known = f"{own.method.iloc[0]}, {own.samples.iloc[0]} samples"
+        axis.set_title(f"{style.label(run, name)}: {known}")
     axes[0, 0].legend(fontsize=7.5, ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.1))
     return figure
 
 
-def _groups(table: Columns) -> list[tuple[str, str]]:
-    """The whole band first, then families in the order of the table; no single bands."""
-    pairs = list(zip(map(str, table["scope"]), map(str, table["where"]), strict=True))
-    first = [p for p in pairs if p[0] == "band"][:1]
-    return list(dict.fromkeys([*first, *(p for p in pairs if p[0] == "family")]))
+def _draw_indices(axis: style.Axes, table: pd.DataFrame, most: int) -> None:
+    """First-order indices as bars, total ones as diamonds, both with their intervals.
 
-
-def _draw(axis: Axes, table: Columns, most: int) -> None:
-    groups, inputs = _groups(table)[:most], list(dict.fromkeys(map(str, table["input"])))
-    width = 0.8 / len(inputs)
-    marks = []
-    for j, (scope, where) in enumerate(groups):
-        rows = (table["scope"] == scope) & (table["where"].astype(str) == where)
-        hertz = float(table["frequency_hz"][rows][0])
-        family = f"{hertz / 1e3:.3f} kHz\n(family {where})"
-        marks.append(f"{where} Hz" if scope == "band" else family)
-        for i, key in enumerate(inputs):
-            x = j - 0.4 + (i + 0.5) * width
-            name = key if j == 0 else None
-            look = CYCLE[i % len(CYCLE)], HATCHES[i % len(HATCHES)]
-            _bar(axis, table, rows & (table["input"] == key), x, width, look, name)
-    axis.axhline(0.0, color=BLACK, lw=0.7)
-    axis.set_xticks(range(len(groups)), marks)
-    finish(axis, "y", ylabel="share of the variance\nof the growth rate [-]")
-
-
-def _bar(
-    axis: Axes,
-    table: Columns,
-    row: np.ndarray,
-    x: float,
-    width: float,
-    look: tuple[str, str],
-    name: str | None,
-) -> None:
-    """First-order index as a bar, the total one as a diamond, both with their intervals."""
-    if not row.any():
-        return
-    colour, hatch = look
-    for kind, shift in (("first", 0.0), ("total", 0.25 * width)):
-        value, low, high = (float(table[f"{kind}{end}"][row][0]) for end in ("", "_low", "_high"))
-        if not np.isfinite(value):
-            continue
-        if kind == "first":
-            # Without an interval it is a guess: an empty bar.
-            known = bool(np.isfinite(low))
-            axis.bar(x, value, 0.9 * width, color=colour if known else "none",
-                     edgecolor="white" if known else colour, linewidth=0.4 if known else 1.0,
-                     hatch=hatch if known else "", alpha=0.75, label=name)  # fmt: skip
-        else:
-            axis.plot(x + shift, value, "D", color=BLACK, ms=3)
-        if np.isfinite(low):
-            reach = [[value - low], [high - value]]
-            axis.errorbar(
-                x + shift, value, reach, fmt="none", ecolor=BLACK, elinewidth=1, capsize=2
-            )
+    The whole band first, then families in the order of the table; no single bands. Without an
+    interval an index is a guess: an empty bar.
+    """
+    bands, families = (table[table.scope == scope] for scope in ("band", "family"))
+    shown = pd.concat([bands[bands["where"].isin(bands["where"].head(1))], families])
+    group = shown.groupby(["scope", "where"], sort=False).ngroup()
+    shown = shown.assign(group=group)[group < most]
+    width = 0.8 / shown.input.nunique()
+    for i, (name, own) in enumerate(shown.groupby("input", sort=False)):
+        x, colour = own.group - 0.4 + (i + 0.5) * width, style.CYCLE[i % len(style.CYCLE)]
+        looks = {"hatch": HATCHES[i % len(HATCHES)], "lw": 0.4, "alpha": 0.75, "label": name}
+        bars = axis.bar(x, own["first"], 0.9 * width, color=colour, edgecolor="white", **looks)
+        for bar, low in zip(bars, own.first_low, strict=True):
+            if not np.isfinite(low):
+                bar.set(facecolor="none", edgecolor=colour, linewidth=1.0, hatch="")
+        axis.plot(x + 0.25 * width, own.total, "D", color=style.BLACK, ms=3)
+        for kind, at in (("first", x), ("total", x + 0.25 * width)):
+            known = own[own[f"{kind}_low"].notna()]
+            reach = known[kind] - known[f"{kind}_low"], known[f"{kind}_high"] - known[kind]
+            looks = {"fmt": "none", "ecolor": style.BLACK, "elinewidth": 1, "capsize": 2}
+            axis.errorbar(at[known.index], known[kind], reach, **looks)
+    axis.axhline(0.0, color=style.BLACK, lw=0.7)
+    marks = [
+        f"{row.where} Hz" if row.scope == "band" else
+        f"{row.frequency_hz / 1e3:.3f} kHz\n(family {row.where})"
+        for row in shown.drop_duplicates("group").itertuples()
+    ]  # fmt: skip
+    axis.set_xticks(range(len(marks)), marks)
+    style.finish(axis, "y", ylabel="share of the variance\nof the growth rate [-]")
 
 
 def correlations(run: RunData, approach: str) -> list[tuple[str, Correlation]]:
@@ -137,46 +92,37 @@ def correlations(run: RunData, approach: str) -> list[tuple[str, Correlation]]:
     per_sample = run.squeal.count(approach).per_sample
     if run.samples is None or per_sample.size < FEWEST or np.ptp(per_sample) == 0:
         return []
-    good = (run.samples["approach"] == approach) & (run.samples["status"] == "ok")
-    order = np.argsort(run.samples["sample"][good], kind="stable")
-    inputs = []
-    for name, column in run.samples.items():
-        if name in NO_INPUT or not np.issubdtype(column.dtype, np.number):
-            continue
-        values = column[good][order].astype(float)
-        if np.all(np.isfinite(values)) and np.ptp(values) > 0:
-            inputs.append((name, rank_correlation(values, per_sample)))
+    table = pd.DataFrame(run.samples)
+    good = table[(table.approach == approach) & (table.status == "ok")]
+    inputs = good.sort_values("sample", kind="stable").drop(columns=[*NO_INPUT], errors="ignore")
+    inputs = inputs.select_dtypes("number").astype(float)
+    inputs = inputs.loc[:, np.isfinite(inputs).all() & (inputs.nunique() > 1)]
     # The mean friction says nothing beside the friction of the one interface it is the mean of.
-    frictions = [name for name, _ in inputs if name.startswith("contact.")]
-    inputs = [d for d in inputs if d[0] != "mu" or len(frictions) != 1]
-    return sorted(inputs, key=lambda d: -abs(d[1].rho))
+    if sum(name.startswith("contact.") for name in inputs) == 1:
+        inputs = inputs.drop(columns="mu", errors="ignore")
+    found = [(name, rank_correlation(inputs[name].to_numpy(), per_sample)) for name in inputs]
+    return sorted(found, key=lambda pair: -abs(pair[1].rho))
 
 
-def draw_correlations(run: RunData, most: int = 12) -> Figure | None:
+def draw_correlations(run: RunData, most: int = 12) -> style.Figure | None:
     """Bars of the rank correlations with their intervals, one panel per approach."""
-    shown = [(a, correlations(run, a)[:most]) for a in run.approaches]
-    shown = [(a, inputs) for a, inputs in shown if inputs]
+    shown = {a: found[:most] for a in run.approaches if (found := correlations(run, a))}
     if not shown:
         return None
-    rows = sum(len(inputs) for _, inputs in shown)
-    heights = [len(inputs) + 1 for _, inputs in shown]
-    figure, axes = new_figure(
-        len(shown),
-        1,
-        height=0.7 + 0.5 * len(shown) + 0.26 * rows,
-        sharex=True,
-        gridspec_kw={"height_ratios": heights},
-    )
-    for axis, (approach, inputs) in zip(axes.flat, shown, strict=True):
+    rows = [len(inputs) for inputs in shown.values()]
+    height, ratios = 0.7 + 0.5 * len(rows) + 0.26 * sum(rows), [n + 1 for n in rows]
+    grid = {"sharex": True, "gridspec_kw": {"height_ratios": ratios}}
+    figure, axes = style.new_figure(len(rows), 1, height, **grid)
+    for axis, (approach, inputs) in zip(axes.flat, shown.items(), strict=True):
         y = np.arange(len(inputs))[::-1]
-        rho = np.array([c.rho for _, c in inputs])
-        reach = np.array([[c.rho - c.low, c.high - c.rho] for _, c in inputs]).T
-        axis.barh(y, rho, 0.7, color=look(approach)[0], alpha=0.75)
-        axis.errorbar(rho, y, xerr=reach, fmt="none", ecolor=BLACK, elinewidth=1, capsize=2)
-        axis.axvline(0.0, color=BLACK, lw=0.7)
+        rho, low, high = np.array([(c.rho, c.low, c.high) for _, c in inputs]).T
+        axis.barh(y, rho, 0.7, color=style.look(approach)[0], alpha=0.75)
+        looks = {"fmt": "none", "ecolor": style.BLACK, "elinewidth": 1, "capsize": 2}
+        axis.errorbar(rho, y, xerr=[rho - low, high - rho], **looks)
+        axis.axvline(0.0, color=style.BLACK, lw=0.7)
         axis.set_yticks(y, [name for name, _ in inputs])
-        title = f"{label(run, approach)}: {run.squeal.count(approach).samples} samples"
-        finish(axis, "x", title=title, xlim=(-1, 1), ylim=(-0.6, len(inputs) - 0.4))
+        title = f"{style.label(run, approach)}: {run.squeal.count(approach).samples} samples"
+        style.finish(axis, "x", title=title, xlim=(-1, 1), ylim=(-0.6, len(inputs) - 0.4))
     what = f"the number of squeal modes ({run.criterion})"
     axes[-1, 0].set_xlabel(f"rank correlation with {what} [-]")
     return figure
@@ -186,8 +132,9 @@ MEDIAN = "median"
 MOST = 4  # families of an approach, the most severe first
 SIGNED = "RdBu_r"
 COLOURS = {
-    "friction": VERMILION, "load": PURPLE, "contact stiffness": SKY, "stiffness": BLUE,
-    "mass": GREEN, "length": BLACK, "loss factor": ORANGE,
+    "friction": style.VERMILION, "load": style.PURPLE, "contact stiffness": style.SKY,
+    "stiffness": style.BLUE, "mass": style.GREEN, "length": style.BLACK,
+    "loss factor": style.ORANGE,
 }  # fmt: skip
 # What each bar changes: friction coefficient by 0.01, loss factor by 0.001, all others by 1 %.
 STEPS = {"loss factor": 1e-3}
@@ -198,119 +145,86 @@ MAPS = (
 )
 
 
-def draw_drivers(run: RunData) -> Figure | None:
+def draw_drivers(run: RunData) -> style.Figure | None:
     """Change of the growth rate by small changes of every parameter; one panel per family.
 
     Bars: the first sample. Diamonds: median over the samples where the family squeals. Hollow bars
     are not trusted.
     """
-    rows = [(name, _families(run, name)) for name in run.approaches]
-    rows = [(name, families) for name, families in rows if families]
-    if len(rows) > 2:
-        # The simplest approach, and that of the most random inputs: a page has no room for more.
-        rows = [rows[0], rows[-1]]
-    if run.drivers is None or not rows:
+    if run.drivers is None:
         return None
-    names = _parameters(run.drivers)
-    columns = max(len(families) for _, families in rows)
-    figure, axes = new_figure(
-        len(rows), columns, height=(0.165 * len(names) + 0.75) * len(rows) + 0.55, sharey=True
-    )
-    for row, (approach, families) in zip(axes, rows, strict=True):
-        for axis, family in zip(row, families, strict=False):
-            _draw_bars(axis, run.drivers, approach, family, names)
-        for axis in row[len(families) :]:
+    table = pd.DataFrame(run.drivers)
+    each = {name: table[table.approach == name] for name in run.approaches}
+    rows = {
+        name: families[:MOST]
+        for name, own in each.items()
+        if (families := [f for f in run.squeal.families(name) if (own.family == f.number).any()])
+    }
+    if not rows:
+        return None
+    # The simplest approach, and that of the most random inputs: a page has no room for more.
+    approaches = [*rows][:: max(len(rows) - 1, 1)]
+    pairs = table[["kind", "parameter"]].drop_duplicates()
+    pairs = pairs.sort_values("kind", key=lambda kinds: kinds.map([*COLOURS].index), kind="stable")
+    names = [
+        kind if parameter == "all" and kind != "load" else f"{kind}, {parameter}"
+        for kind, parameter in pairs.to_numpy()
+    ]
+    table = table.merge(pairs.assign(y=range(len(pairs))))
+    height = (0.165 * len(names) + 0.75) * len(approaches) + 0.55
+    columns = max(len(rows[name]) for name in approaches)
+    figure, axes = style.new_figure(len(approaches), columns, height=height, sharey=True)
+    for row, approach in zip(axes, approaches, strict=True):
+        own = table[table.approach == approach]
+        for axis, family in zip(row, rows[approach], strict=False):
+            _draw_bars(axis, own[own.family == family.number], family)
+        for axis in row[len(rows[approach]) :]:
             axis.set_visible(False)
-        row[0].set_ylabel(label(run, approach))
-    axes[0, 0].set_yticks(range(len(names)), [_text(*name) for name in names], fontsize=7.5)
+        row[0].set_ylabel(style.label(run, approach))
+    axes[0, 0].set_yticks(range(len(names)), names, fontsize=7.5)
     axes[0, 0].set_ylim(len(names) - 0.4, -0.6)
-    figure.supxlabel(
-        "change of alpha [1/s] by +0.01 of a friction coefficient, +0.001 of a loss factor, "
-        "+1 % of any other",
-        fontsize=8.5,
-    )
+    text = "change of alpha [1/s] by +0.01 of a friction coefficient, +0.001 of a loss factor, "
+    figure.supxlabel(f"{text}+1 % of any other", fontsize=8.5)
     return figure
 
 
-def draw_driver_maps(run: RunData) -> Figure | None:
-    """Where contact stiffness and friction act on the most unstable mode of each first sample."""
-    maps, contact = run.driver_maps, run.contact
-    if maps is None or contact is None or not maps["element"].size:
-        return None
-    contact = sliding_rows(run, contact)
-    if not contact["element"].size:
-        return None
-    drawn = []
-    for name in run.approaches:
-        if (mode := _most_unstable(run, name)) is None:
-            continue
-        sample, number, frequency = mode
-        rows = (contact["approach"] == name) & (contact["sample"] == sample)
-        table = rows_of(contact, rows)
-        chosen = (maps["approach"] == name) & (maps["sample"] == sample) & (maps["mode"] == number)
-        for column, text, factor in MAPS:
-            every = np.zeros(1 + max(maps["element"].max(), contact["element"].max()))
-            every[maps["element"][chosen]] = maps[column][chosen]
-            values = every[table["element"]] / table["area"] * factor
-            top = float(np.quantile(np.abs(values[values != 0]), 0.98)) if values.any() else 1.0
-            place = f"{label(run, name)}, {frequency / 1e3:.3f} kHz"
-            drawn.append(PadMap(place, table, values, (-top, top), text))
-    return draw_pads(run, drawn, SIGNED)
-
-
-def _families(run: RunData, approach: str) -> list[Family]:
-    """The most severe families of an approach that have derivatives."""
-    if run.drivers is None:
-        return []
-    known = run.drivers["family"][run.drivers["approach"] == approach]
-    return [f for f in run.squeal.families(approach) if f.number in known][:MOST]
-
-
-def _parameters(table: Columns) -> list[tuple[str, str]]:
-    """Parameters of all rows, kind by kind, in the order of the table."""
-    pairs = zip(map(str, table["parameter"]), map(str, table["kind"]), strict=True)
-    return sorted(dict.fromkeys(pairs), key=lambda pair: list(COLOURS).index(pair[1]))
-
-
-def _text(parameter: str, kind: str) -> str:
-    return kind if parameter == "all" and kind != "load" else f"{kind}, {parameter}"
-
-
-def _draw_bars(
-    axis: Axes, table: Columns, approach: str, family: Family, names: list[tuple[str, str]]
-) -> None:
+def _draw_bars(axis: style.Axes, table: pd.DataFrame, family: Family) -> None:
     """Bars of one family; of several modes of it in the first sample the most unstable one."""
-    rows = (table["approach"] == approach) & (table["family"] == family.number)
-    median = rows & (table["sample"].astype(str) == MEDIAN)
-    first = rows & ~median
-    if first.any():
-        first &= table["alpha"] == table["alpha"][first].max()
-    for y, (parameter, kind) in enumerate(names):
-        named = (table["parameter"] == parameter) & (table["kind"] == kind)
-        step = STEPS.get(kind, 0.01)
-        for i in np.flatnonzero(first & named):
-            trusted = table["trusted"][i] == "yes"
-            axis.barh(
-                y, step * table["dalpha_dp_1_s"][i], 0.7, edgecolor=COLOURS[kind], linewidth=0.8,
-                facecolor=COLOURS[kind] if trusted else "none",
-            )  # fmt: skip
-        for i in np.flatnonzero(median & named):
-            axis.plot(step * table["dalpha_dp_1_s"][i], y, "D", color=BLACK, ms=3)
-    axis.axvline(0.0, color=BLACK, lw=0.7)
-    finish(axis, "x")
-    alpha = table["alpha"][median if median.any() else first][0]
+    table = table.assign(change=table.dalpha_dp_1_s * table.kind.map(STEPS).fillna(0.01))
+    of_median = table["sample"].astype(str) == MEDIAN
+    median, first = table[of_median], table[~of_median]
+    for row in first[first.alpha == first.alpha.max()].sort_values("y").itertuples():
+        colour = COLOURS[row.kind]
+        face = colour if row.trusted == "yes" else "none"
+        axis.barh(row.y, row.change, 0.7, edgecolor=colour, linewidth=0.8, facecolor=face)
+    axis.plot(median.change, median.y, "D", color=style.BLACK, ms=3)
+    axis.axvline(0.0, color=style.BLACK, lw=0.7)
+    style.finish(axis, "x")
+    alpha = (median if len(median) else first).alpha.iloc[0]
     axis.set_title(f"{family.kilohertz} kHz\nalpha {alpha:.4g} 1/s", fontsize=8)
     axis.tick_params(axis="x", labelsize=7)
     axis.locator_params(axis="x", nbins=4)
 
 
-def _most_unstable(run: RunData, approach: str) -> tuple[int, int, float] | None:
-    """Sample, mode and frequency [Hz] of the squeal mode of lowest damping."""
-    maps, modes = run.driver_maps, run.modes
-    if maps is None or modes is None or not (rows := maps["approach"] == approach).any():
+def draw_driver_maps(run: RunData) -> style.Figure | None:
+    """Where contact stiffness and friction act on the most unstable mode of each first sample."""
+    if run.driver_maps is None or run.contact is None:
         return None
-    sample = int(maps["sample"][rows][0])
-    known = (modes["approach"] == approach) & (modes["sample"] == sample)
-    known &= np.isin(modes["mode"], maps["mode"][rows])
-    i = np.flatnonzero(known)[np.argmin(modes["damping"][known])]
-    return sample, int(modes["mode"][i]), float(modes["frequency_hz"][i])
+    maps, contact = pd.DataFrame(run.driver_maps), sliding_rows(run, run.contact)
+    if maps.empty or not contact["element"].size:
+        return None
+    drawn = []
+    for name in (name for name in run.approaches if (maps.approach == name).any()):
+        own, modes = maps[maps.approach == name], run.squeal.modes(name)
+        known = modes[(modes["sample"] == own["sample"].iloc[0]) & modes["mode"].isin(own["mode"])]
+        worst = known.loc[known.damping.idxmin()]
+        rows = (contact["approach"] == name) & (contact["sample"] == worst["sample"])
+        table = rows_of(contact, rows)
+        chosen = own[own["mode"] == worst["mode"]].set_index("element")
+        for column, text, factor in MAPS:
+            values = chosen[column].reindex(table["element"], fill_value=0.0).to_numpy()
+            values = values / table["area"] * factor
+            top = float(np.quantile(np.abs(values[values != 0]), 0.98)) if values.any() else 1.0
+            place = f"{style.label(run, name)}, {worst.frequency_hz / 1e3:.3f} kHz"
+            drawn.append(PadMap(place, table, values, (-top, top), text))
+    return draw_pads(run, drawn, SIGNED)

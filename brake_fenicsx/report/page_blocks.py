@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -79,6 +80,28 @@ class Section:
     key: str
     title: str
     blocks: list[Block] = field(default_factory=list)
+
+
+@cache
+def texts(kind: str) -> dict[str, str]:
+    """Texts of templates/texts.toml by name.
+
+    Args:
+        kind: "captions" of figures or "notes" of sections.
+    """
+    path = Path(__file__).with_name("templates") / "texts.toml"
+    found = tomllib.loads(path.read_text("utf-8"))[kind]
+    return {name: " ".join(text.split()) for name, text in found.items()}
+
+
+def note(name: str, **values: str) -> Text:
+    """A note of texts.toml.
+
+    Args:
+        name: of the note.
+        **values: what stands in its braces.
+    """
+    return Text(" ".join(texts("notes")[name].format(**values).split()))
 
 
 def pairs(content: Mapping[str, Any]) -> list[Block]:

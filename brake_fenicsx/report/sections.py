@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from brake_fenicsx.results.accuracy import STAGES, error_rows, speed_rows, stage_rows
 from brake_fenicsx.results.answer import for_reading, share_text
@@ -16,7 +17,7 @@ from brake_fenicsx.results.tables import Value
 
 from .figures import figures
 from .mode_cards import Card, heading_of
-from .page_blocks import LONGEST, Block, Picture, Section, Special, Table, Text, pairs
+from .page_blocks import LONGEST, Block, Picture, Section, Special, Table, Text, note, pairs
 from .surface_page import law_blocks, of_surface, surface_blocks
 from .sweep_figures import axis_of
 from .verdict import warnings_of
@@ -32,56 +33,37 @@ def rows_of_each(run: RunData) -> int:
 def sweep_blocks(run: RunData) -> list[Block]:
     """Branches over the parameter, and where each family begins to squeal."""
     drawn = figures(run, "sweep_branches", "sweep_critical", "sweep_samples", "sweep_chart")
-    critical = run.sweep.get("critical")
-    if critical is None or not critical["family"].size:
+    critical = pd.DataFrame(run.sweep.get("critical", {}))
+    if critical.empty:
         return drawn
-    rows: list[list[Value]] = []
-    texts, (factor, parameter) = kilohertz(critical["frequency_hz"].tolist()), axis_of(run)
-    for i, family in enumerate(critical["family"]):
-        low, middle, high = (critical[f"value_{p}"][i] for p in (5, 50, 95))
-        interval = [critical[f"value_50_{end}"][i] for end in ("low", "high")]
-        rows.append([
-            "any" if np.isnan(family) else int(family), texts[i],
-            int(critical["samples"][i]), int(critical["squeal_samples"][i]),
-            *(_censored(factor * v) for v in (low, middle, *interval, high)),
-        ])  # fmt: skip
+    texts, (factor, parameter) = kilohertz(critical.frequency_hz.tolist()), axis_of(run)
+    values = ["value_5", "value_50", "value_50_low", "value_50_high", "value_95"]
+    shown = (factor * critical[values]).to_numpy()
+    rows: list[list[Value]] = [
+        ["any" if np.isnan(row.family) else int(row.family), text, int(row.samples),
+         int(row.squeal_samples), *(f"{v:.4g}" if np.isfinite(v) else "-" for v in cells)]
+        for row, text, cells in zip(critical.itertuples(), texts, shown, strict=True)
+    ]  # fmt: skip
     heads = [
         "family", "frequency [kHz]", "samples", "squeal samples", "5 % squeal by", "50 % squeal by",
         "lower end of its 95 % interval", "upper end", "95 % squeal by",
     ]  # fmt: skip
-    note = (
-        f"Value of {parameter} at which a family begins to squeal, over"
-        " the rough samples. A dash means a value outside the range of the sweep."
-    )
-    return [*drawn, Text(note), Table(heads, rows)]
+    return [*drawn, note("sweep", parameter=parameter), Table(heads, rows)]
 
 
-def cause_rows(run: RunData, most: int = 12) -> list[tuple[str, str, dict[str, Any]]]:
-    """What is known of the squeal of the whole band and of the families, the most severe first.
-
-    Args:
-        run: the results.
-        most: rows of each approach.
-
-    Returns:
-        Approach, where, and a row of probabilities.csv by its names; nan of an empty cell.
-    """
-    table = run.causes.get("probabilities")
-    if table is None:
-        return []
-    every = [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
-    rows: list[tuple[str, str, dict[str, Any]]] = []
-    for approach in run.approaches:
-        own = [row for row in every if row["approach"] == approach]
-        whole = [row for row in own if row["scope"] == "band"][:1]
-        families = [row for row in own if row["scope"] == "family" and row["squeal_samples"]]
-        families.sort(key=lambda row: -row["severity"])
-        texts = kilohertz([row["frequency_hz"] for row in families])
-        names = ["whole band" for _ in whole]
-        names += [f"{f} kHz, family {row['where']}" for f, row in zip(texts, families, strict=True)]
-        pairs = zip(names, [*whole, *families], strict=True)
-        rows += [(approach, where, row) for where, row in pairs][:most]
-    return rows
+def _causes(run: RunData, most: int) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Approach, where, and row of probabilities.csv of the whole band and the severest families."""
+    table = pd.DataFrame(run.causes.get("probabilities", {"approach": []}))
+    for approach in (name for name in run.approaches if (table.approach == name).any()):
+        own = table[table.approach == approach]
+        families = own[(own.scope == "family") & (own.squeal_samples > 0)]
+        families = families.sort_values("severity", ascending=False, kind="stable")
+        texts = kilohertz(families.frequency_hz.tolist())
+        names = [f"{f} kHz, family {n}" for f, n in zip(texts, families["where"], strict=True)]
+        whole = own[own.scope == "band"].head(1)
+        rows = pd.concat([whole, families]).head(most).to_dict("records")
+        for where, row in zip(["whole band"] * len(whole) + names, rows, strict=False):
+            yield approach, where, row
 
 
 def input_blocks(run: RunData) -> list[Block]:
@@ -93,7 +75,7 @@ def input_blocks(run: RunData) -> list[Block]:
             interval_text(*(row[f"correlation{end}"] for end in ("", "_low", "_high"))),
             *(percent(value) for name, value in row.items() if name.startswith("share_")),
         ]
-        for approach, where, row in cause_rows(run, rows_of_each(run))
+        for approach, where, row in _causes(run, rows_of_each(run))
     ]  # fmt: skip
     heads = [
         "approach", "where", f"probability of squeal ({run.criterion})", "median damping [-]",
@@ -102,32 +84,16 @@ def input_blocks(run: RunData) -> list[Block]:
     ]  # fmt: skip
     limit = run.in_effect("samples").get("limit")
     limit = f"{100 * limit:g} %" if isinstance(limit, int | float) else "the limit of the scene"
-    notes = [
-        f"Likely to squeal: yes if the 95 % interval of the probability lies above {limit}, open"
-        " if it contains that limit."
-    ]
+    notes = [note("likely", limit=limit)]
     if any(row[5] is not None for row in rows):
-        notes.append(
-            "Strongest input: the random input with the strongest rank correlation with squeal;"
-            " none where all samples or no sample squeal."
-        )
+        notes.append(note("strongest"))
     if any(row[7] is not None for row in rows):
-        notes.append(
-            "Friction, materials, loads: their shares of the variance of the growth rate (sums of"
-            " first-order indices). The rest is interactions, and roughness where contact is"
-            " rough. Negative shares are sampling error."
-        )
+        notes.append(note("shares"))
     if rows and all(row[5] is None for row in rows):
-        notes.append(
-            "The scene has no random input, or too few samples to separate their effects; random"
-            " inputs are listed in [samples.random], and stability.drivers gives derivatives."
-        )
-    told: list[Block] = [Text(" ".join(notes)), Table.without_empty(heads, rows)] if rows else []
+        notes.append(note("no_inputs"))
+    text = Text(" ".join(one.text for one in notes))
+    told: list[Block] = [text, Table.without_empty(heads, rows)] if rows else []
     return [*figures(run, "sensitivity", "input_correlations"), *told]
-
-
-def _censored(value: float) -> str:
-    return f"{value:.4g}" if np.isfinite(value) else "-"
 
 
 def _number(value: float) -> float | None:
@@ -146,6 +112,7 @@ def percent(value: float) -> str | None:
 
 ROUND_OFF = 1e-6  # relative scatter that is none
 FORCES = ("normal_N", "friction_N", "torque_N_m", "effective_radius_mm")
+PRESSURES = ("largest_pressure_MPa", "centre_towards_leading_edge_mm")
 
 
 def forces_blocks(run: RunData) -> list[Block]:
@@ -153,20 +120,14 @@ def forces_blocks(run: RunData) -> list[Block]:
     found = run.summary.get("contact_forces")
     if not isinstance(found, Mapping):
         return []
-    rows = []
-    for approach, pads in found.items():
-        for name, pad in pads.items():
-            closed = 100 * pad["contact_area_mm2"] / pad["face_area_mm2"]
-            lead = pad["leading_half_share"]
-            rows.append(
-                [
-                    run.label(approach), name,
-                    *(_with_std(pad, key) for key in FORCES),
-                    f"{closed:.1f} %", _with_std(pad, "largest_pressure_MPa"),
-                    _with_std(pad, "centre_towards_leading_edge_mm"),
-                    "-" if lead is None else f"{100 * lead:.1f} %",
-                ]
-            )  # fmt: skip
+    pads = [(run.label(a), name, pad) for a, own in found.items() for name, pad in own.items()]
+    rows = [
+        [approach, name, *(_with_std(pad, key) for key in FORCES),
+         f"{100 * pad['contact_area_mm2'] / pad['face_area_mm2']:.1f} %",
+         *(_with_std(pad, key) for key in PRESSURES),
+         "-" if (lead := pad["leading_half_share"]) is None else f"{100 * lead:.1f} %"]
+        for approach, name, pad in pads
+    ]  # fmt: skip
     if not rows:
         return []
     heads = [
@@ -174,19 +135,8 @@ def forces_blocks(run: RunData) -> list[Block]:
         "effective radius [mm]", "face in contact", "largest pressure [MPa]",
         "centre of pressure towards the leading edge [mm]", "force on the leading half",
     ]  # fmt: skip
-    turns = any(pad.get("torque_N_m") for pads in found.values() for pad in pads.values())
-    less = (
-        " Friction force: its resultant, which is less than the friction coefficient times the"
-        " normal force, because the direction of friction turns along the pad."
-    )
-    return [
-        Table(heads, rows),
-        Text(
-            "Means over the samples, with their standard deviation. The disc enters the pad"
-            f" at the leading edge.{less if turns else ''} Torque: torque of this pad against the"
-            " rotation; effective radius: torque over friction coefficient times normal force."
-        ),
-    ]
+    turns = any(pad.get("torque_N_m") for *_, pad in pads)
+    return [Table(heads, rows), note("forces", less=note("less_friction").text if turns else "")]
 
 
 def _with_std(numbers: Mapping[str, Any], name: str) -> str:
@@ -242,18 +192,12 @@ def _accuracy(run: RunData) -> list[Block]:
         ]
         rows.append(["sum", sum(r.seconds for r in stages if r.seconds is not None), None])
         blocks.append(Table(["stage", "time [s]", "peak memory [MB]"], rows))
-        blocks.append(Text(
-            "Times of the last run only; stages reused from earlier runs count as zero. Times per"
-            " sample are medians over all samples."
-        ))  # fmt: skip
+        blocks.append(note("stages"))
     if speed := speed_rows(run):
         blocks.append(Table(*for_reading(run, speed, **SPEED_HEADS)))
     if errors := error_rows(run):
         blocks.append(Table(*for_reading(run, errors)))
-        blocks.append(Text(
-            "Errors are relative error estimates of the eigenvalues; the condition number of an"
-            " eigenvalue relates them to the backward error: error = backward error x condition."
-        ))  # fmt: skip
+        blocks.append(note("errors"))
     rest = {key: value for key, value in run.summary.items() if key not in SHOWN}
     return [*blocks, *pairs(rest)]
 
@@ -264,7 +208,7 @@ def _settings(run: RunData) -> list[Block]:
     if isinstance(settings := run.summary.get("settings"), Mapping) and settings:
         tables = scene_tables(settings)
         blocks += [
-            Text("As the scene and --set name them; with all defaults: in_effect of summary.json."),
+            note("settings"),
             Special("pairs", tables),
         ]
     elif run.scene is not None:

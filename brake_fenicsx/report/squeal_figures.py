@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,23 +10,8 @@ from numpy.typing import NDArray
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import squeals
 
+from . import style
 from .mode_cards import ModePictures
-from .style import (
-    BLACK,
-    BLUE,
-    DAMPING_LABEL,
-    GREY,
-    KHZ,
-    VERMILION,
-    damping_axis,
-    finish,
-    label,
-    new_figure,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MANY_POINTS = 2000  # beyond this a scatter is rasterised inside the SVG
 DRAWN_POINTS = 50_000  # of a scatter; of more every n-th is drawn
@@ -34,7 +19,7 @@ MOST = 20_000  # modes that a page holds
 VERDICTS = {"stable": 0, "unstable": 1}
 
 
-def draw_squeal_map(run: RunData) -> Figure | None:
+def draw_squeal_map(run: RunData) -> style.Figure | None:
     """Figure 9: frequency against damping, one panel per approach, where squeal lies shaded.
 
     Unstable modes that do not count as squeal are grey, above a line at the threshold. The damping
@@ -54,10 +39,10 @@ def draw_squeal_map(run: RunData) -> Figure | None:
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
         good = run.squeal.of_good(approach)
         for name, kind, colour, marker, size in (
-            ("stable", verdict == "stable", BLUE, "o", 12),
-            ("unstable, no squeal", (verdict == "unstable") & ~squeal, GREY, "v", 20),
-            ("squeal", squeal, VERMILION, "v", 20),
-            ("neutral", verdict == "neutral", BLACK, "s", 14),
+            ("stable", verdict == "stable", style.BLUE, "o", 12),
+            ("unstable, no squeal", (verdict == "unstable") & ~squeal, style.GREY, "v", 20),
+            ("squeal", squeal, style.VERMILION, "v", 20),
+            ("neutral", verdict == "neutral", style.BLACK, "s", 14),
         ):
             rows = np.flatnonzero(good & kind)
             few, text = _thinned(rows), f"{name}: {rows.size}"
@@ -66,21 +51,25 @@ def draw_squeal_map(run: RunData) -> Figure | None:
     return figure
 
 
-def _panels(run: RunData, height: float, limits: tuple[float, float]) -> tuple[Figure, NDArray]:
+def _panels(
+    run: RunData, height: float, limits: tuple[float, float]
+) -> tuple[style.Figure, NDArray]:
     """One panel per approach over shared axes, squeal shaded, counts in the title."""
     n, ticks = len(run.approaches), [-0.1, -0.01, -0.001, 0.0, 0.001, 0.01, 0.1]
-    figure, axes = new_figure(n, 1, height=0.7 + height * n, sharex=True, sharey=True)
+    figure, axes = style.new_figure(n, 1, height=0.7 + height * n, sharex=True, sharey=True)
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
         axis.axhspan(-1e3, -run.threshold, color="#fbeee6", lw=0, zorder=0)
-        axis.axhline(0.0, color=BLACK, lw=0.6, zorder=1)
+        axis.axhline(0.0, color=style.BLACK, lw=0.6, zorder=1)
         if run.threshold:
-            axis.axhline(-run.threshold, color=VERMILION, lw=0.8, ls="--", zorder=1)
+            axis.axhline(-run.threshold, color=style.VERMILION, lw=0.8, ls="--", zorder=1)
         text = f"squeal: {run.criterion}"
-        axis.text(0.995, 0.03, text, transform=axis.transAxes, ha="right", color=VERMILION, size=8)
-        damping_axis(axis, yticks=ticks, ylim=limits, title=_headline(run, approach))
-        finish(axis, "y", ylabel=DAMPING_LABEL.replace("damping ", "damping\n"))
+        axis.text(
+            0.995, 0.03, text, transform=axis.transAxes, ha="right", color=style.VERMILION, size=8
+        )
+        style.damping_axis(axis, yticks=ticks, ylim=limits, title=_headline(run, approach))
+        style.finish(axis, "y", ylabel=style.DAMPING_LABEL.replace("damping ", "damping\n"))
     top = float(run.modes["frequency_hz"].max()) / 1e3 if run.modes else 1.0
-    axes[-1, 0].set(xlabel=KHZ, xlim=(0, 1.02 * top))
+    axes[-1, 0].set(xlabel=style.KHZ, xlim=(0, 1.02 * top))
     return figure, axes
 
 
@@ -89,21 +78,21 @@ def _headline(run: RunData, approach: str) -> str:
     failed = f" ({record.failed} more failed)" if record.failed else ""
     modes = f"{record.squeal} of {record.modes} modes squeal"
     if record.samples == 1:
-        return f"{label(run, approach)}: 1 run{failed}, {modes}"
+        return f"{style.label(run, approach)}: 1 run{failed}, {modes}"
     share = f"{record.squeal_samples} of {record.samples} samples squeal{failed}"
-    return f"{label(run, approach)}: {share}, {modes}"
+    return f"{style.label(run, approach)}: {share}, {modes}"
 
 
 def _scatter(
-    axes: Axes, x: NDArray, y: NDArray, colour: str, marker: str, size: float, text: str
+    axes: style.Axes, x: NDArray, y: NDArray, colour: str, marker: str, size: float, text: str
 ) -> None:
     if x.size == 0:
         return
     many = x.size > MANY_POINTS
     x, y = _thinned(x), _thinned(y)
     size, alpha = (0.5 * size, 0.35) if many else (size, 0.8)
-    style: dict[str, Any] = {"c": colour, "marker": marker, "alpha": alpha, "label": text}
-    axes.scatter(x, y, s=size, linewidths=0, rasterized=many, zorder=3, **style)
+    looks: dict[str, Any] = {"c": colour, "marker": marker, "alpha": alpha, "label": text}
+    axes.scatter(x, y, s=size, linewidths=0, rasterized=many, zorder=3, **looks)
 
 
 def _thinned(values: NDArray) -> NDArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,29 +12,12 @@ from brake_fenicsx.results.run import Arrays, RunData, scan_heights
 from brake_fenicsx.surface.hdf import pooled
 from brake_fenicsx.surface.iso25178 import bearing_curve
 
-from .style import (
-    BLACK,
-    BLUE,
-    GREY,
-    HEIGHTS,
-    ORANGE,
-    SKY,
-    VERMILION,
-    WIDTH,
-    draw_field,
-    finish,
-    new_figure,
-    panel,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from . import style
 
 MOST_MAPS, MAPS_IN_A_ROW = 9, 3  # of several scans
 
 
-def draw_topography(run: RunData) -> Figure | None:
+def draw_topography(run: RunData) -> style.Figure | None:
     """Figure 4: the levelled scan with its missing points, and two profiles through its centre.
 
     Of several scans the maps.
@@ -45,22 +28,19 @@ def draw_topography(run: RunData) -> Figure | None:
     if z.ndim > 2:
         return _maps(z, size, run.surface)
     ratios = {"width_ratios": [1.25, 1]}
-    figure, axes = new_figure(1, 2, height=2.9, width=6.0, gridspec_kw=ratios)
+    figure, axes = style.new_figure(1, 2, height=2.9, width=6.0, gridspec_kw=ratios)
     image = _map(axes[0, 0], z, size, _height_limits(z))
-    lost = int(np.isnan(z).sum())
-    what = (
-        f"{lost} of {z.size} points missing or masked (red)"
-        if lost
-        else f"all {z.size} points valid"
-    )
-    panel(axes[0, 0], "a", f"levelled scan, {z.shape[0]} x {z.shape[1]},\n{what}")
+    lost = np.isnan(z).sum()
+    said = f"{lost} of {z.size} points missing or masked (red)"
+    what = said if lost else f"all {z.size} points valid"
+    style.panel(axes[0, 0], "a", f"levelled scan, {z.shape[0]} x {z.shape[1]},\n{what}")
     figure.colorbar(image, ax=axes[0, 0], label="height [µm]", shrink=0.9)
-    x = (np.arange(z.shape[0]) + 0.5) * size[0] / z.shape[0]
-    y = (np.arange(z.shape[1]) + 0.5) * size[1] / z.shape[1]
-    axes[0, 1].plot(x, z[:, z.shape[1] // 2], color=BLUE, lw=0.9, label="along x, mid y")
-    axes[0, 1].plot(y, z[z.shape[0] // 2], color=ORANGE, lw=0.9, ls="--", label="along y, mid x")
+    x, y = ((np.arange(n) + 0.5) * side / n for n, side in zip(z.shape, size, strict=True))
+    looks = {"color": style.BLUE, "lw": 0.9}, {"color": style.ORANGE, "lw": 0.9, "ls": "--"}
+    axes[0, 1].plot(x, z[:, z.shape[1] // 2], label="along x, mid y", **looks[0])
+    axes[0, 1].plot(y, z[z.shape[0] // 2], label="along y, mid x", **looks[1])
     axes[0, 1].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.1)
-    finish(axes[0, 1], xlabel="position [mm]", ylabel="height [µm]")
+    style.finish(axes[0, 1], xlabel="position [mm]", ylabel="height [µm]")
     axes[0, 1].set_title("(b) central profiles", pad=32)
     return figure
 
@@ -73,14 +53,14 @@ def topography_caption(run: RunData) -> str:
     return f"{shown} Red: points that are missing or masked."
 
 
-def _maps(scans: NDArray, size: NDArray, surface: Arrays) -> Figure:
+def _maps(scans: NDArray, size: NDArray, surface: Arrays) -> style.Figure:
     """Maps of several scans [um], shape (scans, nx, ny), at one scale of heights."""
     shown = scans[:MOST_MAPS]
     columns = min(len(shown), MAPS_IN_A_ROW)
     rows = -(-len(shown) // columns)
     ratio = float(size[1] / size[0])
-    height = min(max(rows * (0.95 + WIDTH / columns * 0.65 * ratio), 2.4), 9.5)
-    figure, axes = new_figure(rows, columns, height=height)
+    height = min(max(rows * (0.95 + style.WIDTH / columns * 0.65 * ratio), 2.4), 9.5)
+    figure, axes = style.new_figure(rows, columns, height=height)
     limits = _height_limits(shown)
     files = [str(scan["file"]) for scan in surface_statistics(surface).get("scans", [])]
     for k, axis in enumerate(axes.ravel()):
@@ -104,7 +84,7 @@ def _short(name: str, most: int = 14) -> str:
     return name.replace("$", r"\$")
 
 
-def draw_artificial(run: RunData) -> Figure | None:
+def draw_artificial(run: RunData) -> style.Figure | None:
     """Figure 6: an artificial surface beside the scan, with the heights and spectrum it reached."""
     if run.surface is None or "artificial" not in run.surface:
         return None
@@ -114,7 +94,7 @@ def draw_artificial(run: RunData) -> Figure | None:
     if len(scans):
         name = "scan" if len(scans) == 1 else f"scan 1 of {len(scans)}"
         shown = [(name, scans[0] * UM, s["size"]), *shown]
-    figure, axes = new_figure(2, 2, height=6.2, gridspec_kw={"height_ratios": [1.15, 1]})
+    figure, axes = style.new_figure(2, 2, height=6.2, gridspec_kw={"height_ratios": [1.15, 1]})
     for axis in axes[0, len(shown) :]:
         axis.set_visible(False)
     limits = _height_limits(np.concatenate([z.ravel() for _, z, _ in shown]))
@@ -123,26 +103,26 @@ def draw_artificial(run: RunData) -> Figure | None:
         image = _map(axes[0, j], z, size * MM, limits)
         axes[0, j].set(xlim=(0, side), ylim=(0, side))
         spread = f"$S_q$ = {np.nanstd(z):.1f} µm"
-        panel(axes[0, j], "ab"[j], f"{name},\n{z.shape[0]} x {z.shape[1]}, {spread}")
+        style.panel(axes[0, j], "ab"[j], f"{name},\n{z.shape[0]} x {z.shape[1]}, {spread}")
     figure.colorbar(image, ax=list(axes[0]), label="height [µm]", shrink=0.9)
     letters = "abcd"[len(shown) :]
     compare(axes[1, 0], s, "hdf_z", "hdf_density", UM, 1 / UM)
-    finish(axes[1, 0], xlabel="height [µm]", ylabel="density [1/µm]", ylim=(0, None),
-           title=f"({letters[0]}) height distribution")  # fmt: skip
+    axes[1, 0].set(xlabel="height [µm]", ylabel="density [1/µm]", ylim=(0, None))
+    style.finish(axes[1, 0], title=f"({letters[0]}) height distribution")
     compare(axes[1, 1], s, "q", "C", 1e-3, 1.0)
-    finish(axes[1, 1], xscale="log", yscale="log", xlabel=Q_LABEL, ylabel=PSD_LABEL,
-           title=f"({letters[1]}) radial PSD")  # fmt: skip
+    axes[1, 1].set(xscale="log", yscale="log", xlabel=Q_LABEL, ylabel=PSD_LABEL)
+    style.finish(axes[1, 1], title=f"({letters[1]}) radial PSD")
     for axis in axes[1]:
         axis.legend(loc="best")
     return figure
 
 
-def _map(axes: Axes, z: NDArray, size: NDArray, limits: tuple[float, float]) -> Any:
+def _map(axes: style.Axes, z: NDArray, size: NDArray, limits: tuple[float, float]) -> Any:
     """Heights [um] of shape (nx, ny) as an image, missing points in red."""
     import matplotlib
 
-    colours = matplotlib.colormaps[HEIGHTS]
-    return draw_field(axes, z, size, colours, VERMILION, vmin=limits[0], vmax=limits[1])
+    colours = matplotlib.colormaps[style.HEIGHTS]
+    return style.draw_field(axes, z, size, colours, style.VERMILION, vmin=limits[0], vmax=limits[1])
 
 
 def _height_limits(z: NDArray) -> tuple[float, float]:
@@ -156,6 +136,8 @@ def _height_limits(z: NDArray) -> tuple[float, float]:
 
 UM, MM = 1e6, 1e3
 ROUND_OFF = 1e-4  # of a mean height, relative to S_q
+MOMENTS = {"mean": "scan mean", "median": "scan median", "S_q": "$S_q$", "S_sk": "$S_{sk}$",
+           "S_ku": "$S_{ku}$"}  # fmt: skip
 Q_LABEL, PSD_LABEL = "wave number $q$ [1/mm]", "radial PSD $C$ [m$^4$]"
 WAVES = ("q", "fit_q", "spectrum_q", "q_band")  # arrays of wave numbers [rad/m]
 
@@ -165,12 +147,12 @@ def surface_statistics(surface: Arrays) -> dict[str, Any]:
     return dict(json.loads(str(surface["stats"])))
 
 
-def draw_statistics(run: RunData) -> Figure | None:
+def draw_statistics(run: RunData) -> style.Figure | None:
     """Figure 5: height distribution, radial PSD with fit and reliable band, residual of the fit."""
     if run.surface is None:
         return None
     surface = {n: a / 1e3 if n in WAVES else a for n, a in run.surface.items()}
-    figure, axes = new_figure(1, 2, height=3.7, gridspec_kw={"width_ratios": [1, 1.25]})
+    figure, axes = style.new_figure(1, 2, height=3.7, gridspec_kw={"width_ratios": [1, 1.25]})
     _draw_heights(axes[0, 0], surface)
     if "q" in surface:
         axes[0, 1].remove()
@@ -187,28 +169,28 @@ def draw_statistics(run: RunData) -> Figure | None:
     return figure
 
 
-def draw_bearing_curve(run: RunData) -> Figure | None:
+def draw_bearing_curve(run: RunData) -> style.Figure | None:
     """Bearing curve of scan and artificial surface; of several scans each, and all together."""
     if run.surface is None or "heights" not in run.surface:
         return None
-    figure, axes = new_figure(1, 1, height=2.5, width=4.6)
+    figure, axes = style.new_figure(1, 1, height=2.5, width=4.6)
     axis = axes[0, 0]
     z = run.surface["heights"]
     if np.isfinite(z).any() and np.nanstd(z) > 0:
         share, whole, scans = bearing_curves(run.surface)
         for k, height in enumerate(scans):
             text = None if k else "each scan"
-            axis.plot(100 * share, height * UM, color=SKY, lw=0.7, label=text)
+            axis.plot(100 * share, height * UM, color=style.SKY, lw=0.7, label=text)
         text, width = (f"all {len(scans)} scans", 1.9) if scans else ("scan", 1.3)
-        axis.plot(100 * share, whole * UM, color=BLUE, lw=width, label=text)
+        axis.plot(100 * share, whole * UM, color=style.BLUE, lw=width, label=text)
     made = run.surface.get("artificial")
     if made is not None and np.nanstd(made) > 0:
         share, height = bearing_curve(made - np.nanmean(made))
-        axis.plot(100 * share, height * UM, color=ORANGE, ls="--", label="artificial")
+        axis.plot(100 * share, height * UM, color=style.ORANGE, ls="--", label="artificial")
     if not axis.lines:
         return None
     over = "height over the mean plane [µm]"
-    finish(axis, xlabel="material ratio [%]", ylabel=over, xlim=(0, 100))
+    style.finish(axis, xlabel="material ratio [%]", ylabel=over, xlim=(0, 100))
     axis.legend(loc="best")
     return figure
 
@@ -226,7 +208,7 @@ def bearing_curves(surface: Arrays) -> tuple[NDArray, NDArray, list[NDArray]]:
     return share, whole, [height for _, height in each]
 
 
-def _draw_heights(axes: Axes, surface: Arrays) -> None:
+def _draw_heights(axes: style.Axes, surface: Arrays) -> None:
     scans = scan_heights(surface)
     z = (pooled(scans) if len(scans) > 1 else np.ravel(scans)) * UM
     z = z[np.isfinite(z)]
@@ -234,12 +216,12 @@ def _draw_heights(axes: Axes, surface: Arrays) -> None:
         what = "scan" if len(scans) == 1 else f"{len(scans)} scans"
         axes.hist(z, bins=64, density=True, color="#c9dcea", label=what)
     heights, density = surface["hdf_z"] * UM, surface["hdf_density"] / UM
-    axes.plot(heights, density, color=BLUE, label="kernel density" if z.size else "as given")
+    axes.plot(heights, density, color=style.BLUE, label="kernel density" if z.size else "as given")
     if z.size and z.std() > 0:
         low, high = axes.get_xlim()
         x = np.linspace(low, high, 200)
         normal = np.exp(-0.5 * ((x - z.mean()) / z.std()) ** 2) / (z.std() * np.sqrt(2 * np.pi))
-        axes.plot(x, normal, color=GREY, ls="--", label="normal")
+        axes.plot(x, normal, color=style.GREY, ls="--", label="normal")
     known = surface_statistics(surface)
     measured = () if z.size else ("mean", "median")
     text = _moments({key: value for key, value in known.items() if key not in measured})
@@ -247,52 +229,47 @@ def _draw_heights(axes: Axes, surface: Arrays) -> None:
     axes.set(xlabel="height over the mean plane $z$ [µm]", ylabel="density $P(z)$ [1/µm]")
     axes.set_ylim(0, 1.45 * axes.get_ylim()[1])
     axes.legend(loc="upper right", fontsize=7.5, handlelength=1.2)
-    panel(axes, "a", "height distribution")
+    style.panel(axes, "a", "height distribution")
 
 
 def _moments(stats: dict[str, Any]) -> str:
-    rows = [
-        ("mean", "scan mean", UM, "µm"),
-        ("median", "scan median", UM, "µm"),
-        ("S_q", "$S_q$", UM, "µm"),
-        ("S_sk", "$S_{sk}$", 1.0, ""),
-        ("S_ku", "$S_{ku}$", 1.0, ""),
-    ]
-    known = {key: value for key, value in stats.items() if isinstance(value, int | float)}
-    for key in ("mean", "median"):
-        if abs(known.get(key, 0.0)) < ROUND_OFF * known.get("S_q", 0.0):
-            known[key] = 0.0  # after levelling
-    return "\n".join(
-        f"{text} = ${known[key] * factor:.3g}$ {unit}".rstrip()
-        for key, text, factor, unit in rows
-        if key in known
-    )
+    lines = list[str]()
+    for key, text in MOMENTS.items():
+        if not isinstance(value := stats.get(key), int | float):
+            continue
+        length = key in ("mean", "median", "S_q")
+        if key != "S_q" and length and abs(value) < ROUND_OFF * stats.get("S_q", 0.0):
+            value = 0.0  # after levelling
+        lines.append(f"{text} = ${value * UM:.3g}$ µm" if length else f"{text} = ${value:.3g}$")
+    return "\n".join(lines)
 
 
-def _draw_psd(axes: Axes, surface: Arrays) -> None:
+def _draw_psd(axes: style.Axes, surface: Arrays) -> None:
     _draw_band(axes, surface)
-    _draw_scans(axes, surface)
+    for number, C in enumerate(surface.get("scan_C", ())):
+        label = None if number else "each scan"
+        axes.loglog(surface["q"][C > 0], C[C > 0], lw=0.8, color=style.SKY, label=label)
     if "q" in surface:
         positive = surface["C"] > 0
         scans = len(scan_heights(surface))
         text, width = ("whole scan", 1.6) if scans == 1 else (f"mean of {scans} scans", 1.9)
         q, C = surface["q"][positive], surface["C"][positive]
-        axes.loglog(q, C, color=BLUE, lw=width, label=text)
+        axes.loglog(q, C, color=style.BLUE, lw=width, label=text)
     stats = surface_statistics(surface)
     text = _fit_text(stats, "bi-fractal fit" if "q" in surface else "as given")
-    axes.loglog(surface["fit_q"], surface["fit_C"], color=BLACK, ls="--", label=text)
+    axes.loglog(surface["fit_q"], surface["fit_C"], color=style.BLACK, ls="--", label=text)
     if _measured(surface):
         inside = surface["spectrum_q"] <= surface["fit_q"].max()
         inside &= surface["spectrum_q"] >= 0.7 * surface["fit_q"].min()
         q, C = surface["spectrum_q"][inside], surface["spectrum_C"][inside]
-        axes.loglog(q, C, color=VERMILION, lw=1.1, label="artificial surfaces")
+        axes.loglog(q, C, color=style.VERMILION, lw=1.1, label="artificial surfaces")
     q_c = stats.get("q_c")
     if isinstance(q_c, int | float) and q_c > 0:
-        axes.axvline(q_c / 1e3, color=GREY, lw=0.8, ls=":")
-        place = ("data", "axes fraction")
-        axes.annotate(" $q_c$", (q_c / 1e3, 0.97), xycoords=place, fontsize=8, va="top")
+        axes.axvline(q_c / 1e3, color=style.GREY, lw=0.8, ls=":")
+        place = axes.get_xaxis_transform()  # data along x, a share of the axes along y
+        axes.text(q_c / 1e3, 0.97, " $q_c$", transform=place, fontsize=8, va="top")
     axes.legend(loc="lower left", fontsize=7.5)
-    finish(axes, title="(b) radial power spectrum", ylabel=PSD_LABEL)
+    style.finish(axes, title="(b) radial power spectrum", ylabel=PSD_LABEL)
 
 
 def _measured(surface: Arrays) -> bool:
@@ -314,19 +291,12 @@ def _fit_text(stats: dict[str, Any], what: str) -> str:
     return what + (": " + ",\n".join(parts) if parts else "")
 
 
-def _draw_band(axes: Axes, surface: Arrays) -> None:
+def _draw_band(axes: style.Axes, surface: Arrays) -> None:
     text = "reliable band" if "q" in surface else "band"
     axes.axvspan(*surface["q_band"], color="#eef4ea", lw=0, zorder=0, label=text)
 
 
-def _draw_scans(axes: Axes, surface: Arrays) -> None:
-    """PSD of each of several scans."""
-    for number, C in enumerate(surface.get("scan_C", ())):
-        label = None if number else "each scan"
-        axes.loglog(surface["q"][C > 0], C[C > 0], lw=0.8, color=SKY, label=label)
-
-
-def _draw_residual(axes: Axes, surface: Arrays) -> None:
+def _draw_residual(axes: style.Axes, surface: Arrays) -> None:
     """Ratio of the measured PSD to its fit, over the fitted wave numbers."""
     q, fit_q = surface["q"], surface["fit_q"]
     inside = (q >= fit_q.min()) & (q <= fit_q.max()) & (surface["C"] > 0)
@@ -336,26 +306,28 @@ def _draw_residual(axes: Axes, surface: Arrays) -> None:
     fit = np.interp(np.log(q[inside]), np.log(fit_q), np.log(surface["fit_C"]))
     ratio = surface["C"][inside] / np.exp(fit)
     _draw_band(axes, surface)
-    axes.semilogx(q[inside], ratio, color=BLUE, lw=0.9)
-    axes.axhline(1.0, color=BLACK, lw=0.7, ls="--")
+    axes.semilogx(q[inside], ratio, color=style.BLUE, lw=0.9)
+    axes.axhline(1.0, color=style.BLACK, lw=0.7, ls="--")
     if _measured(surface):
         used = np.interp(fit_q, surface["spectrum_q"], surface["spectrum_C"])
-        axes.semilogx(fit_q, used / surface["fit_C"], color=VERMILION, lw=0.9)
+        axes.semilogx(fit_q, used / surface["fit_C"], color=style.VERMILION, lw=0.9)
     what = "scan" if len(scan_heights(surface)) == 1 else "mean"
     reach = max(2.2, 1.1 * float(np.max(np.maximum(ratio, 1 / ratio))))
-    finish(axes, yscale="log", xlabel=Q_LABEL, ylabel=f"{what} / fit [-]", ylim=(1 / reach, reach))
+    style.finish(
+        axes, yscale="log", xlabel=Q_LABEL, ylabel=f"{what} / fit [-]", ylim=(1 / reach, reach)
+    )
     ticks = [t for t in (0.01, 0.1, 0.5, 1.0, 2.0, 10.0, 100.0) if 1 / reach < t < reach]
     axes.set_yticks(ticks, [f"{t:g}" for t in ticks])
     axes.minorticks_off()
 
 
-def compare(axes: Axes, s: Arrays, x: str, y: str, x_unit: float, y_unit: float) -> None:
+def compare(axes: style.Axes, s: Arrays, x: str, y: str, x_unit: float, y_unit: float) -> None:
     """The same curve of the scan, or as given, and of the artificial surface."""
     scans = len(scan_heights(s))
-    first = ("", "scan" if scans == 1 else f"{scans} scans", BLUE, "-")
+    first = ("", "scan" if scans == 1 else f"{scans} scans", style.BLUE, "-")
     if "heights" not in s:
-        first = ("" if x in s else "fit_", "as given", BLUE, "-")
-    for prefix, text, colour, line in (first, ("artificial_", "artificial", ORANGE, "--")):
+        first = ("" if x in s else "fit_", "as given", style.BLUE, "-")
+    for prefix, text, colour, line in (first, ("artificial_", "artificial", style.ORANGE, "--")):
         if prefix + x in s:
             u, v = s[prefix + x] * x_unit, s[prefix + y] * y_unit
             good = np.isfinite(v) & (v > 0)

@@ -16,7 +16,7 @@ from brake_fenicsx.results.tables import Value, write_rows
 
 from .contact_figures import settings_of
 from .figures import figures
-from .page_blocks import Block, Section, Table, Text
+from .page_blocks import Block, Section, Table, note
 from .surface_figures import bearing_curves, surface_statistics
 from .verdict import Verdict, warnings_of
 
@@ -102,7 +102,7 @@ def of_surface(run: RunData) -> bool:
 
 def surface_verdict(run: RunData) -> Verdict:
     """The first screen of the page of a surface: its main parameters, and warnings."""
-    known = {p.key: p for p in _parameters(run)}
+    known = {p.key: p for p in parameters(run)}
     facts = [(p.text, _fact(p)) for key in FIRST if (p := known.get(key))]
     if scans := scans_of(run):
         facts.insert(0, ("Scans", f"{len(scans)}; ±: standard deviation over the scans"))
@@ -122,44 +122,29 @@ def surface_blocks(run: RunData) -> list[Block]:
     """Figures and parameters of the surface."""
     if run.surface is None:
         return []
-    given = "The scene gives statistics in place of a scan; the figures show these, and there is no"
-    parameters = _parameters(run)
+    known = parameters(run)
     return [
-        *([Text(f"{given} fit.")] if "heights" not in run.surface else []),
+        *([note("no_scan")] if "heights" not in run.surface else []),
         *figures(run, "figure4_topography", "bearing_curve", look="half"),
         *figures(run, "figure5_statistics"),
-        *(_parameter_blocks(run, parameters) if parameters else []),
+        *(_parameter_blocks(run, known) if known else []),
         *figures(run, "figure6_artificial", "figure7_contact_maps", look="half"),
         *_own_surfaces(run),
     ]
 
 
-def _parameter_blocks(run: RunData, parameters: list[Parameter]) -> list[Block]:
+def _parameter_blocks(run: RunData, known: list[Parameter]) -> list[Block]:
     """Tables of the parameters, and what they are."""
     level = run.in_effect("surface").get("level", "")
     form = {"plane": "The least-squares plane", "second-order": "The second-order polynomial"}
-    names = (
-        "Names of ISO 25178-2; S_k, S_pk, S_vk, S_mr1 and S_mr2 from the line through the least"
-        " steep 40 % of the bearing curve (ISO 13565-2)."
-        f" {form.get(level, 'The mean height')} was removed (surface.level); there is no S-filter"
-        " beyond the pixel and no L-filter, so that S_dq and S_dr, from differences of neighbouring"
-        " pixels, depend on the size of the pixel. All values are without masked outliers, points"
-        " far from the median of their neighbours."
-    )
+    names = note("parameters", form=form.get(level, "The mean height")).text
     scans = scans_of(run)
     over = ["mean", "standard deviation"] if scans else []
     heads = ["quantity", "value", "standard error", *over, "unit"]
-    first = Table(heads, [[p.text, p.value, p.error, *p.each[:2], p.unit] for p in parameters])
+    first = Table(heads, [[p.text, p.value, p.error, *p.each[:2], p.unit] for p in known])
     if not scans:
-        errors = "of heights from blocks of the scan, of the spectrum from its fit."
-        return [first, Text(f"{names} Standard errors: {errors}")]
-    blocks: list[Block] = [first, Text(
-        f"{names} Value: of the mean variance, of the heights of all scans about the mean plane of"
-        " each (S_sk, S_ku) and of the mean spectrum (c1, c2, q_c, C0), from which artificial"
-        " surfaces are made; of other parameters the mean over the scans. Standard errors: of the"
-        " spectrum from its fit, else the standard deviation over the root of the number of scans."
-        " Mean and standard deviation (n - 1) are those of the scans below."
-    )]  # fmt: skip
+        return [first, note("errors_of_one_scan", names=names)]
+    blocks: list[Block] = [first, note("errors_of_scans", names=names)]
     lost = [[k, s["file"], s["missing"], s["outliers"]] for k, s in enumerate(scans, start=1)]
     blocks.append(Table(["scan", "file", "missing points", "masked outliers"], lost))
     return [*blocks, *_beside({f"scan {k}": scan for k, scan in enumerate(scans, start=1)})]
@@ -170,8 +155,7 @@ def _own_surfaces(run: RunData) -> list[Block]:
     own = run.summary.get("own_surfaces", {})
     if run.surface is None or not own:
         return []
-    said = "All surfaces of the scene, by their sections; interfaces without one have the first."
-    return [Text(said), *_beside({"surface": surface_statistics(run.surface), **own})]
+    return [note("own_surfaces"), *_beside({"surface": surface_statistics(run.surface), **own})]
 
 
 def _beside(surfaces: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
@@ -192,7 +176,8 @@ def law_blocks(run: RunData) -> list[Block]:
     return [*figures(run, "figure8_laws"), *more]
 
 
-def _parameters(run: RunData) -> list[Parameter]:
+def parameters(run: RunData) -> list[Parameter]:
+    """Parameters of the surface of a run that are known."""
     if run.surface is None:
         return []
     stats, scans = surface_statistics(run.surface), scans_of(run)
@@ -231,7 +216,7 @@ def scans_of(run: RunData) -> list[dict[str, Any]]:
 
 def parameter_rows(run: RunData) -> list[list[Value]]:
     """Key, value, standard error and unit of every parameter; mean, scatter, and each scan."""
-    return [[p.key, p.value, p.error, p.unit, *p.each] for p in _parameters(run)]
+    return [[p.key, p.value, p.error, p.unit, *p.each] for p in parameters(run)]
 
 
 def _unsure(run: RunData) -> list[str]:
@@ -239,7 +224,7 @@ def _unsure(run: RunData) -> list[str]:
     return [
         f"the standard error of {p.text} is {p.error:.3g} at a value of {p.value:.3g} {p.unit}: the"
         " scan hardly determines it".replace(" -:", ":")
-        for p in _parameters(run)
+        for p in parameters(run)
         if p.key in ("c1", "c2", "q_c", "C0") and p.error is not None and p.value is not None
         and p.error > UNSURE * abs(p.value)
     ]  # fmt: skip

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import run_tables as tables
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.micro import LawRecipe, LawSettings
 from brake_fenicsx.report.figure_inputs import surface_arrays, surface_numbers
@@ -17,19 +18,6 @@ from brake_fenicsx.report.style import save
 from brake_fenicsx.results.run import save_tables
 from brake_fenicsx.results.tables import MODES, SAMPLES, RowTable, write_rows
 from brake_fenicsx.surface import characterise, given_statistics, make_topography, synthesise
-from run_tables import (
-    CHART,
-    CONTACT,
-    CONTACT_DRIVERS,
-    CRITICAL,
-    CURVE,
-    DRIVERS,
-    EVENTS,
-    SENSITIVITY,
-    SHAPE_COLUMNS,
-    SWEEP,
-    read_run,
-)
 
 E_STAR = 2373.4e6
 SAMPLED = {"classical": 1, "parametric": 40, "multi-scale": 60}
@@ -126,7 +114,8 @@ def make_laws(rng: np.random.Generator) -> dict[str, np.ndarray]:
     p = np.tile(np.geomspace(1e-6, 0.1, 60) * E_STAR, (30, 1))
     u0, first = rng.normal(12e-6, 1e-6, (30, 1)), rng.normal(95e-6, 7e-6, (30, 1))
     d = first - u0 * np.log(p / p[0, 0])
-    return {"d": d, "p": p, "k": p / u0, "seed": np.arange(30), "E_star": np.array(E_STAR)}
+    settings = np.array(json.dumps({"E_star": E_STAR}))
+    return {"d": d, "p": p, "k": p / u0, "seed": np.arange(30), "settings": settings}
 
 
 def make_surface(rng: np.random.Generator) -> dict[str, np.ndarray]:
@@ -195,21 +184,23 @@ def write_sweep(directory: Path) -> None:
                 modes.append([approach, sample, *row])
         kinds = ("merging", "onset of squeal") if sample is None else ("onset of squeal",)
         events += [[approach, sample, kind, at, 1e-4, 2e3, 0.0, 0, 1, 3] for kind in kinds]
-    write_rows(directory / "sweep.csv", ("approach", "sample", "value", *SWEEP), modes)
-    write_rows(directory / "lock_in.csv", ("approach", "sample", *EVENTS), events)
+    write_rows(directory / "sweep.csv", ("approach", "sample", "value", *tables.SWEEP), modes)
+    write_rows(directory / "lock_in.csv", ("approach", "sample", *tables.EVENTS), events)
     for family in (None, 3):
         for x in values:
             hits = sum(at <= x for at in merged)
             curve.append(["multi-scale", family, x, 6, hits / 6, hits / 12, (hits + 6) / 12])
-    write_rows(directory / "critical_curve.csv", CURVE, curve)
+    write_rows(directory / "critical_curve.csv", tables.CURVE, curve)
     start = ["multi-scale", "contact.pad_disc.friction"]
     ends = [6, 6, 0, 0.3, 0.4, 0.3, 0.55, 0.55]
-    write_rows(directory / "critical.csv", CRITICAL, [[*start, f, 2e3, *ends] for f in (None, 3)])
+    write_rows(
+        directory / "critical.csv", tables.CRITICAL, [[*start, f, 2e3, *ends] for f in (None, 3)]
+    )
     chart = [
         [a, x, 1e5 * y, int(x > y), int(x > y), -max(x - y, 0.0)]
         for a in ("classical", "multi-scale") for x in values for y in (0.2, 0.4, 0.6)
     ]  # fmt: skip
-    write_rows(directory / "chart.csv", CHART, chart)
+    write_rows(directory / "chart.csv", tables.CHART, chart)
 
 
 def make_run(directory: Path, seed: int = 7) -> Path:
@@ -224,10 +215,10 @@ def make_run(directory: Path, seed: int = 7) -> Path:
     for name, columns, rows in (
         ("modes", MODES, modes),
         ("samples", (*SAMPLES, "contact.pad_disc.friction"), samples),
-        ("sensitivity", SENSITIVITY, sensitivity_rows()),
-        ("contact", CONTACT, contact),
-        ("drivers", DRIVERS, driver_rows()),
-        ("drivers_contact", CONTACT_DRIVERS, driver_map_rows(contact)),
+        ("sensitivity", tables.SENSITIVITY, sensitivity_rows()),
+        ("contact", tables.CONTACT, contact),
+        ("drivers", tables.DRIVERS, driver_rows()),
+        ("drivers_contact", tables.CONTACT_DRIVERS, driver_map_rows(contact)),
     ):
         write_rows(directory / f"{name}.csv", columns, rows)
     write_sweep(directory)
@@ -261,7 +252,7 @@ def drawn(run_directory, tmp_path_factory, cut_off) -> tuple[Path, list[Path]]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("brake_fenicsx.report.figures.save", saved)
-        return directory, make_figures(read_run(directory))
+        return directory, make_figures(tables.read_run(directory))
 
 
 @pytest.fixture(scope="session")
@@ -292,7 +283,7 @@ def shaped(drawn, tmp_path_factory) -> tuple[Path, list[list]]:
     folder = directory / "figures"
     for old in folder.glob("mode_*.png"):
         old.unlink()
-    run, rows = read_run(directory), []
+    run, rows = tables.read_run(directory), []
     for approach in run.approaches:
         for mode in run.squeal.representatives(approach):
             name = f"mode_{approach}_{mode.frequency:05.0f}Hz"
@@ -300,6 +291,6 @@ def shaped(drawn, tmp_path_factory) -> tuple[Path, list[list]]:
             frames[0].save(folder / f"{name}.webp", save_all=True, append_images=frames[1:])
             place = [approach, mode.family.number, mode.sample, mode.mode, mode.frequency]
             rows.append([*place, mode.damping, name, "disc", 7, "out of plane", 0.9])
-    shapes = RowTable(SHAPE_COLUMNS, rows).columns
+    shapes = RowTable(tables.SHAPE_COLUMNS, rows).columns
     save_tables(Store(directory), SHAPES, {"shapes": shapes})
     return directory, rows

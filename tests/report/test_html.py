@@ -176,21 +176,23 @@ def test_the_verdict_says_what_the_interval_allows(tmp_path, hits, samples, star
     assert ("95 %" in said) == (samples > 1)
 
 
-def first_screen(directory, rows, **settings):
-    """What the page of some modes says above its sections, and the limit of their damping."""
+def header(directory, rows, damping=None, **settings):
+    """What the page of some modes has above its sections."""
     write_rows(directory / "modes.csv", MODES, rows)
-    summary = {"in_effect": {"stability": settings}}
+    summary = {"in_effect": {"stability": settings}, "damping": damping or {}}
     page = render_page(replace(read_run(directory), summary=summary))
-    return " ".join("".join(ElementTree.fromstring(page).find(f".//{X}header").itertext()).split())
+    return ElementTree.fromstring(page).find(f".//{X}header")
 
 
-def table_of_limits(directory, rows, threshold, damping=None):
-    """Lines of the first table of the page of some modes, without its heading."""
-    write_rows(directory / "modes.csv", MODES, rows)
-    summary = {"in_effect": {"stability": {"threshold": threshold}}, "damping": damping or {}}
-    page = render_page(replace(read_run(directory), summary=summary))
-    table = ElementTree.fromstring(page).find(f".//{X}header//{X}table")
-    return [[c.text for c in row] for row in table.iter(f"{X}tr")][1:]
+def first_screen(directory, rows):
+    """Its text."""
+    return " ".join("".join(header(directory, rows).itertext()).split())
+
+
+def table_of_limits(*given, **settings):
+    """Lines of its first table without the heading."""
+    rows = header(*given, **settings).find(f".//{X}table").iter(f"{X}tr")
+    return [[c.text for c in row] for row in rows][1:]
 
 
 ANY = "every unstable mode (the model has no damping)"
@@ -208,7 +210,7 @@ ANY = "every unstable mode (the model has no damping)"
 def test_the_verdict_is_a_table_of_limits(tmp_path, threshold, said):
     """Samples of damping -0.003, -0.02, -0.03 and -0.04; equal limits have one line."""
     rows = [mode("joint", k, 0, 1e3, x, 0) for k, x in enumerate((-0.003, -0.02, -0.03, -0.04))]
-    found = table_of_limits(tmp_path, rows, threshold)
+    found = table_of_limits(tmp_path, rows, threshold=threshold)
     assert [tuple(row[:2]) for row in found] == [line[:2] for line in said]
     assert [row[2].split(":")[0] for row in found] == [f"{line[2]} of 4" for line in said]
     assert all("%" in row[2] for row in found)
@@ -216,7 +218,8 @@ def test_the_verdict_is_a_table_of_limits(tmp_path, threshold, said):
 
 def test_limits_count_the_modes_of_a_single_run_and_name_its_damping(tmp_path):
     rows = [mode("joint", 0, n, 1e3 * n, x, -1) for n, x in ((1, -0.003), (2, -0.02), (3, -2e-5))]
-    assert table_of_limits(tmp_path, rows, 1e-3, {"lining": 0.02, "gyroscopic": "on"}) == [
+    damping = {"lining": 0.02, "gyroscopic": "on"}
+    assert table_of_limits(tmp_path, rows, damping, threshold=1e-3) == [
         ["limit of the scene", "-0.001", "2"],
         ["customary limit in Abaqus", "-0.01", "1"],
         ["every unstable mode (damping of the scene: lining, gyroscopic)", "0", "3"],

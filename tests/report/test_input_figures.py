@@ -32,7 +32,7 @@ def test_bars_are_the_first_sample_and_diamonds_the_median(run):
         "mass, disc.body", "loss factor, disc.body",
     ]  # fmt: skip
     for axis in (rough, missed):
-        diamonds = [line.get_xdata()[0] for line in axis.lines if line.get_marker() == "D"]
+        (diamonds,) = (line.get_xdata() for line in axis.lines if line.get_marker() == "D")
         np.testing.assert_allclose(diamonds, [3.0, 1.0, -1.0])
     assert len(rough.patches) == 6 and not missed.patches
 

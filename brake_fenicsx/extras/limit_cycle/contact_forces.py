@@ -20,12 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.gap import EnrichedGap
-from brake_fenicsx.macro.sliding_friction import (
-    Coefficient,
-    SlidingFriction,
-    patch_forces,
-    sliding,
-)
+from brake_fenicsx.macro.sliding_friction import Coefficient, SlidingFriction, patch_forces, sliding
 
 from .harmonic_balance import Tangent
 

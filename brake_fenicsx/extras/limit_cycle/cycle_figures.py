@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pandas as pd
 
+from brake_fenicsx.report import style
 from brake_fenicsx.report.page_blocks import Block, Table, Text
-from brake_fenicsx.report.style import CYCLE, GREY, label, light_grid, new_figure
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import kilohertz
 
+from .cycles import HEARD
 from .floquet import GIVES_WAY
-from .sample import HEARD
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 ENDED = (*HEARD, GIVES_WAY)  # outcomes at which growth ends; those of HEARD state a loudness
 DOUBTS: dict[str, str] = {
@@ -58,16 +53,18 @@ def cycle_blocks(run: RunData) -> list[Block]:
     return [Text(" ".join([NOTE, *_doubts(cycles)])), Table.without_empty(HEADS, rows)]
 
 
-def draw_growth(run: RunData) -> Figure | None:
+def draw_growth(run: RunData) -> style.Figure | None:
     """Growth rate over amplitude of the loudest families; cycles where it crosses zero."""
     points, cycles = _table(run, "limit_cycle_growth"), _table(run, "limit_cycle")
     if not len(points):
         return None
     names = [name for name in run.approaches if name in set(points.approach)]
-    figure, axes = new_figure(1, len(names), sharey=True)
+    figure, axes = style.new_figure(1, len(names), sharey=True)
     for axis, approach in zip(axes[0], names, strict=True):
         shown = _loudest(run)
-        for colour, family in zip(CYCLE, shown.family[shown.approach == approach], strict=False):
+        for colour, family in zip(
+            style.CYCLE, shown.family[shown.approach == approach], strict=False
+        ):
             text: str | None = f"{frequency_text(run, approach, family)} kHz"
             for _, line in _of(points, approach, family).groupby(["sample", "mode"]):
                 looks = {"color": colour, "lw": 0.9, "alpha": 0.8, "label": text}
@@ -79,17 +76,17 @@ def draw_growth(run: RunData) -> Figure | None:
                 # To the layout, unclipped markers of no points lie in the corner of the figure.
                 if at.size:
                     axis.plot(at, np.zeros_like(at), "o", ms=5, mec=colour, mfc=fill, clip_on=False)
-        axis.axhline(0.0, color=GREY, lw=0.8)
+        axis.axhline(0.0, color=style.GREY, lw=0.8)
         axis.set_xscale("log")
         axis.set_xlabel("amplitude of the gap, rms of patches [um]")
-        axis.set_title(label(run, approach))
+        axis.set_title(style.label(run, approach))
         axis.legend()
-        light_grid(axis)
+        style.light_grid(axis)
     axes[0, 0].set_ylabel("growth rate alpha [1/s]")
     return figure
 
 
-def draw_loudness(run: RunData) -> Figure | None:
+def draw_loudness(run: RunData) -> style.Figure | None:
     """Level of the loudest families over the samples."""
     cycles, levels, names = _table(run, "limit_cycle"), [], []
     for f in _loudest(run).itertuples():
@@ -98,14 +95,14 @@ def draw_loudness(run: RunData) -> Figure | None:
         if level.size:
             levels.append(level)
             kilo = frequency_text(run, f.approach, f.family)
-            names.append(f"{kilo} kHz\n{label(run, f.approach)}")
+            names.append(f"{kilo} kHz\n{style.label(run, f.approach)}")
     if not levels:
         return None
-    figure, axes = new_figure(1, 1, height=3.0)
+    figure, axes = style.new_figure(1, 1, height=3.0)
     axes[0, 0].boxplot(levels, whis=(5, 95), widths=0.5)
     axes[0, 0].set_xticks(range(1, len(names) + 1), names, fontsize=7.5)
     axes[0, 0].set_ylabel("sound pressure level at 1 m [dB]")
-    light_grid(axes[0, 0], axis="y")
+    style.light_grid(axes[0, 0], axis="y")
     return figure
 
 

@@ -18,8 +18,8 @@ import pandas as pd
 from brake_fenicsx.results.stored import StoredSamples
 from brake_fenicsx.results.tables import RowTable
 
+from .cycles import HEARD, MEASURES
 from .floquet import GIVES_WAY
-from .sample import HEARD, MEASURES
 
 MODE = ("approach", "sample", "family", "mode")
 CYCLES = (*MODE, "linear_frequency_hz", "linear_alpha_1_s", "outcome", *MEASURES)

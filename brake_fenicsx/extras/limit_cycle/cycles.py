@@ -1,29 +1,200 @@
-"""Limit cycles of a study's samples: what the scene and its samples say to ``limit_cycle``."""
+"""Limit cycles of a study's samples: each mode alone along its branch, and what a person knows.
+
+``Cycles`` gives what the scene and a sample say to ``SampleCycles``, its equations.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult, SceneError
+from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
+from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.samples.models import Models
 from brake_fenicsx.samples.sampling import friction_law
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import PERFECT
 from brake_fenicsx.stability.modes import Modes
+from brake_fenicsx.stability.substructures import ReducedModel
 
+from .bodies import Array, reduced_bodies
 from .contact_forces import PeriodForces
-from .sample import SampleCycles
-from .sound import nodes_of
+from .floquet import UNDECIDED, exponents, verdict
+from .growth import STABLE, UNDAMPED, Cycle, GrowthBranch, follow, time_to_reach
+from .harmonic_balance import HarmonicBalance
+from .keys import LimitCycle
+from .sound import AT_ONE_METRE, Nodes, decibels, nodes_of, sound_power
 
 if TYPE_CHECKING:
     from brake_fenicsx.model import Model
     from brake_fenicsx.samples.sampling import SampleInput
+
+# Largest first motion of a closed patch, over its pressure by stiffness.
+START = 0.3
+
+# Loss factor of the bodies from the second harmonic on where nothing is damped: else a harmonic
+# that meets a mode of the bodies turns the branch back and forth.
+LOSS = 0.02
+
+# Columns of what is measured of a cycle.
+MEASURES = (
+    "amplitude_um", "gap_um", "frequency_hz", "disc_um", "disc_mm_s", "pad_um", "pad_mm_s",
+    "open_share", "yield_share", "slip_over_speed", "time_s", "sound_power_db", "level_1m_db",
+    "harmonics_left_out", "exponent_1_s", "exponent_error_1_s", "exponent_hz",
+)  # fmt: skip
+
+# Measures of how loud a cycle is: of outcomes that may be what is heard. What takes the place of
+# another one is not computed, and may be several times as large.
+SOUND = ("sound_power_db", "level_1m_db")
+HEARD = (STABLE, UNDECIDED, UNDAMPED)
+
+
+@dataclass(frozen=True, slots=True)
+class SampleCycles:
+    """The limit cycles of a sample.
+
+    Attributes:
+        model: the reduced model.
+        p: the sample's point of its box.
+        forces: of all contact elements.
+        closed: whether each is closed at equilibrium, and carries.
+        damped: whether anything is damped.
+        faces: nodes whose motion is measured: of the disc, which radiate, and of the pads.
+        slip: slip of the elements along the sliding direction, shape (elements, dofs).
+    """
+
+    model: ReducedModel
+    p: Array
+    forces: PeriodForces
+    closed: NDArray[np.bool_]
+    damped: bool
+    faces: tuple[Nodes, Nodes]
+    slip: sp.csr_matrix
+
+    def branch(
+        self, problem: HarmonicBalance, s: complex, a: NDArray[Any], largest: float
+    ) -> GrowthBranch:
+        """Growth of a mode over its amplitude.
+
+        Args:
+            problem: harmonic balance of the sample.
+            s: its eigenvalue [1/s].
+            a: its coordinates, shape (kept modes,).
+            largest: amplitude at which to end [m].
+
+        Raises:
+            NotConverged: no vibration of small amplitude is found.
+        """
+        y = problem.at_rest(s, a)
+        p, k, _ = (x[self.closed, 0] for x in self.forces.pressure(self.forces.g[:, None]))
+        share = p / k / np.abs(y[: self.closed.size][self.closed])
+        start = problem.start(s, a, y, START * float(share.min()) * problem.size(y))
+        return follow(problem, start, largest, self.damped)
+
+    def problem(self, harmonics: int, points: int) -> HarmonicBalance:
+        """Harmonic balance of the sample.
+
+        Args:
+            harmonics: beside the mean.
+            points: of time over a period.
+        """
+        weights = np.zeros(len(self.forces.followed) * self.closed.size)
+        own = self.forces.w * self.closed
+        weights[: own.size] = own / own.sum()
+        bodies = reduced_bodies(self.model, self.p, self.forces.friction.mu)
+        loss = 0.0 if self.damped else LOSS
+        return HarmonicBalance(bodies, self.forces, weights, harmonics, points, loss)
+
+    def measured(
+        self, problem: HarmonicBalance, cycle: Cycle, branch: GrowthBranch
+    ) -> dict[str, float]:
+        """``MEASURES`` of a cycle."""
+        forces, at, omega = self.forces, cycle.at, cycle.at.s.imag
+        gap = problem.over_time(at.y[: self.closed.size])
+        touch = forces.laws.first_touch()
+        opens = (forces.g + gap.max(axis=1) > touch) & self.closed
+        yields = forces.yields & (gap.min(axis=1) < 0) & (forces.g + gap.min(axis=1) < touch)
+        u = self.model.kept_displacements(at.a)
+        numbers = []
+        for nodes in self.faces:
+            moved = nodes.displacement(u)
+            for x in (1e6 * moved * [0.0, *np.ones(at.y.shape[1] - 1)], 1e3 * moved * at.lam):
+                each = problem.over_time(x.reshape(-1, x.shape[2])).reshape(*x.shape[:2], -1)
+                # A body without a kept mode moves by its local compliance alone: no number.
+                numbers.append(float(np.linalg.norm(each, axis=1).max(initial=0.0)) or np.nan)
+        rate = np.abs(problem.over_time(self.slip @ (u * at.lam))).max(axis=1)
+        moving = (forces.friction.speed > 0) & self.closed
+        ratio = (rate[moving] / forces.friction.speed[moving]).max(initial=0.0)
+        level = decibels(sound_power(self.faces[0], u, omega))
+        last = np.linalg.norm(at.y[:, -1]) / np.linalg.norm(at.y[:, 1])
+        mu = exponents(problem, at) if cycle.kind == STABLE else np.full(2, np.nan + 0j)
+        largest = mu[1 + np.argmax(mu[1:].real)]
+        values = (
+            1e6 * at.amplitude, 0.5e6 * float(np.ptp(gap, axis=1).max()), omega / (2 * np.pi),
+            *numbers, float(opens.sum() / self.closed.sum()),
+            float(yields.sum() / self.closed.sum()), float(ratio), time_to_reach(branch, cycle),
+            level, level + AT_ONE_METRE, float(last), largest.real, abs(mu[0].real),
+            largest.imag / (2 * np.pi),
+        )  # fmt: skip
+        return dict(zip(MEASURES, values, strict=True))
+
+    def arrays(self, modes: Modes, settings: LimitCycle, threshold: float) -> dict[str, Any]:
+        """Limit cycles of the growing modes, each alone, as arrays to store.
+
+        Args:
+            modes: by the reduced model.
+            settings: the section of the scene.
+            threshold: modes grow whose damping lies below minus this.
+
+        Returns:
+            ``cycle_mode``, ``cycle_kind``, ``cycle_values``, shape (cycles, measures), the names of
+            these, ``cycle_names``; of the branches ``branch_mode``, ``branch_amplitude`` [m] and
+            ``branch_s`` [1/s], point by point.
+            A mode whose growth does not end has a row of the kind "none" with what ended it.
+        """
+        problem: HarmonicBalance | None = None
+        rows: list[tuple[int, str, dict[str, float]]] = []
+        points: list[tuple[int, float, complex]] = []
+        nothing = dict.fromkeys(MEASURES, float("nan"))
+        grows = (np.array(modes.verdict, str) == "unstable") & (modes.damping < -threshold)
+        # damping_below = 0: only the modes that grow beyond the threshold.
+        more = modes.damping < (settings.damping_below or -np.inf)
+        for i in map(int, np.flatnonzero((modes.s.imag > 0) & (grows | more))):
+            problem = problem or self.problem(settings.harmonics, settings.points)
+            try:
+                branch = self.branch(problem, modes.s[i], modes.right[:, i], settings.largest)
+            except NotConverged as error:
+                logger.warning("mode %d: %s", i, error)
+                rows.append((i, "none: failed", nothing))
+                continue
+            points += [(i, *point) for point in zip(branch.amplitude, branch.s, strict=True)]
+            for cycle in branch.cycles:
+                values, outcome = self.measured(problem, cycle, branch), cycle.kind
+                if outcome == STABLE:
+                    growth, accuracy = values["exponent_1_s"], values["exponent_error_1_s"]
+                    ratio = values["exponent_hz"] / values["frequency_hz"]
+                    outcome = verdict(growth, accuracy, ratio)
+                if not outcome.startswith(HEARD):
+                    values |= dict.fromkeys(SOUND, float("nan"))
+                rows.append((i, outcome, values))
+            if grows[i] and not any(cycle.kind in (STABLE, UNDAMPED) for cycle in branch.cycles):
+                rows.append((i, f"none: {branch.end}", nothing))
+        number, amplitude, s = np.array(points, complex).reshape(-1, 3).T
+        numbers = np.array([[*row[2].values()] for row in rows]).reshape(-1, len(MEASURES))
+        return {
+            "cycle_mode": np.array([row[0] for row in rows], dtype=np.intp),
+            "cycle_kind": np.array([row[1] for row in rows], dtype=str),
+            "cycle_values": numbers, "cycle_names": np.array(MEASURES),
+            "branch_mode": number.real.astype(np.intp), "branch_amplitude": amplitude.real,
+            "branch_s": s,
+        }  # fmt: skip
 
 
 class Cycles:

@@ -15,19 +15,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.build.material_table import constants
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.results.tables import Value, text_table, write_rows
-from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene import MaterialTable, Scene, read_scene
 from brake_fenicsx.scene.read import toml_text
 from brake_fenicsx.scene.units import in_unit_of, to_si
-from brake_fenicsx.scene.written_back import write_text
+from brake_fenicsx.scene.written_back import with_values, write_text
 
 from .peaks import Peaks, read_peaks
 from .posterior import Posterior, VariedBody, fill_basis, identified
 from .study import beside, part_name
-from .written_back import target, with_constants
 
 Array = NDArray[np.float64]
 # Modes are computed up to this multiple of the highest peak, and no more than so many.
@@ -83,7 +83,7 @@ def identify(
     material = _material(parsed, part, material)
     specimens = read_peaks(peaks)
     highest = BEYOND * max(s.frequency[-1] for s in specimens)
-    scene_file = None if updated is None else target(parsed, updated)
+    scene_file = None if updated is None else _target(parsed, updated)
     body = VariedBody(parsed, part, material, highest, supported)
     if scene_file is not None:  # refused before it takes time
         with_constants(parsed, material, _values(parsed, material, body, body.nominal))
@@ -112,8 +112,9 @@ def identify(
         with whole_file(folder / "random.toml") as file:
             file.write_text(block, encoding="utf-8")
     said = [text_table(PEAKS, rows), "", text_table(CONSTANTS, shown)]
-    said += [*_undetermined(shown), ""]
-    said += [block, f"wrote {folder / 'random.toml'}"]
+    if loose := [str(row[0]) for row in shown if float(row[-1] or 0.0) > UNDETERMINED]:
+        said.append(f"not determined by these peaks (as the prior): {', '.join(loose)}")
+    said += ["", block, f"wrote {folder / 'random.toml'}"]
     if scene_file is not None:
         text = with_constants(parsed, material, _values(parsed, material, body, theta, losses))
         said.append(f"wrote the constants into {scene_file}")
@@ -229,11 +230,6 @@ def _unit_of_moduli(table: Mapping[str, Any]) -> str:
     return "GPa"
 
 
-def _undetermined(rows: list[list[Value]]) -> list[str]:
-    names = [str(row[0]) for row in rows if float(row[-1] or 0.0) > UNDETERMINED]
-    return [f"not determined by these peaks (as the prior): {', '.join(names)}"] if names else []
-
-
 def _loss(scene: Scene, part: str, material: str, peaks: Peaks, end: Posterior) -> float:
     """Loss factor from the Q factors: 1 / Q is the mean of the materials', by strain energy."""
     used = (end.mode >= 0) & np.isfinite(peaks.q)
@@ -280,3 +276,44 @@ def _block(
         text = f'law = "lognormal", mean = {mean:.4g}, sd = {sd_loss:.3g}'
         lines.append(f'"materials.{material}.loss" = {{ {text} }}')
     return "\n".join(lines) + "\n"
+
+
+def _target(scene: Scene, path: str | Path) -> Path:
+    """The scene's file or a new one beside it, where its paths are not lost."""
+    file, own = Path(path), scene.file
+    if file.resolve() != own.resolve():
+        if file.exists():
+            raise SceneError(f"--write {file}: is there already; name the scene or a new file")
+        if file.resolve().parent != own.resolve().parent:
+            raise SceneError(
+                f"--write {file}: name a file in {own.resolve().parent}, from which the paths of"
+                " the scene start"
+            )
+    return file
+
+
+def with_constants(scene: Scene, material: str, values: Mapping[str, float]) -> str:
+    """Text of the scene's file with other constants of a material.
+
+    Args:
+        scene: the scene.
+        material: its name.
+        values: constant, as in ``constants``, or "loss" -> value, SI.
+
+    Raises:
+        SceneError: the file does not write one of them.
+    """
+    keys = _keys(scene.materials[material], values)
+    return with_values(scene.file, {("materials", material, key): v for key, v in keys.items()})
+
+
+def _keys(table: MaterialTable, values: Mapping[str, float]) -> dict[str, Any]:
+    """Keys of a material table and their values; engineering constants of one are orthotropic."""
+    if not any("_" in name for name in values):
+        return dict(values)
+    c = constants(table) | dict(values)
+    ratios = [c["nu_12"], c["nu_31"] * c["E_1"] / c["E_3"], c["nu_32"] * c["E_2"] / c["E_3"]]
+    new: dict[str, Any] = {} if table.model == "orthotropic" else {"model": "orthotropic"}
+    new |= {"E": [c[f"E_{i}"] for i in "123"], "nu": ratios}
+    new |= {"G": [c[f"G_{ij}"] for ij in ("23", "13", "12")]}
+    return new | {name: v for name, v in values.items() if name == "loss"}

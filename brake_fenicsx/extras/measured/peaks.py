@@ -71,10 +71,16 @@ def _table(file: Path) -> list[Peaks]:
     lines = [line for line in text.splitlines() if line.strip() and line[0] != "#"]
     # With semicolons or tabs between the cells a comma is a decimal one.
     delimiter = next((c for c in ";\t" if lines and c in lines[0]), ",")
+    decimal = "." if delimiter == "," else ","
     heading, *rows = [
         [c.strip() for c in row] for row in csv.reader(lines, delimiter=delimiter)
     ] or [[]]
-    columns = _columns(file, heading)
+    unit, *more = [name for name in heading if name in UNITS] or [""]
+    if not unit or more or {*heading} - {*UNITS, "q", "specimen"}:
+        raise SceneError(
+            f"{file}: the heading is {','.join(heading)}; write one of {', '.join(UNITS)}, and q"
+            " and specimen if there are any"
+        )
     specimens: dict[str, list[tuple[float, float]]] = {}
     for number, cells in enumerate(rows, start=1):
         if len(cells) > len(heading):
@@ -83,23 +89,12 @@ def _table(file: Path) -> list[Peaks]:
                 " point, not a comma"
             )
         row = dict(zip(heading, cells, strict=False))
-        words = (row.get(n, "").replace(",", "," if delimiter == "," else ".") for n in columns)
-        peak, q = (_number(file, number, *pair) for pair in zip(columns, words, strict=True))
-        specimens.setdefault(row.get("specimen") or "1", []).append((UNITS[columns[0]] * peak, q))
+        words = {name: row.get(name, "").replace(decimal, ".") for name in (unit, "q")}
+        peak, q = (_number(file, number, *word) for word in words.items())
+        specimens.setdefault(row.get("specimen") or "1", []).append((UNITS[unit] * peak, q))
     if not specimens:
         raise SceneError(f"{file}: contains no peak; write one frequency in each line")
     return [_checked(file, name, np.array(sorted(own))) for name, own in specimens.items()]
-
-
-def _columns(file: Path, heading: list[str]) -> tuple[str, str]:
-    """Columns of the frequency and of the quality factor."""
-    unit = [name for name in heading if name in UNITS]
-    if len(unit) != 1 or {*heading} - {*UNITS, "q", "specimen"}:
-        raise SceneError(
-            f"{file}: the heading is {','.join(heading)}; write one of {', '.join(UNITS)}, and q"
-            " and specimen if there are any"
-        )
-    return unit[0], "q"
 
 
 def _poles(file: Path) -> NDArray[np.complex128]:

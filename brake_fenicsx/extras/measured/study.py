@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +19,12 @@ from scipy.optimize import linear_sum_assignment
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.mac import mac
-from brake_fenicsx.report.style import BLUE, GREY, VERMILION, house_style, new_figure, panel, save
+from brake_fenicsx.report import style
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import Scene, read_scene
 
 from .measured import ModalTest, read_modes
 from .part_modes import PartModes, part_modes, shapes_at
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -176,7 +172,10 @@ def correlate(
     if write:
         folder.mkdir(parents=True, exist_ok=True)
         write_rows(folder / "correlation.csv", COLUMNS, rows)
-        _write_mac(folder, measured, modes, pairs)
+        heads = ("test_mode", "test_frequency_hz", "model_mode", "model_frequency_hz", "mac")
+        each = zip(np.ndindex(*pairs.mac.shape), pairs.mac.ravel(), strict=True)
+        cells = ([i + 1, tested[i], j + 1, computed[j], mac_of] for (i, j), mac_of in each)
+        write_rows(folder / "mac.csv", heads, cells)
         _draw(folder, measured, modes, pairs)
     held = "supported" if supported else "free"
     return (
@@ -263,27 +262,17 @@ def beside(
     ]  # fmt: skip
 
 
-def _write_mac(folder: Path, measured: ModalTest, modes: PartModes, pairs: Pairs) -> None:
-    heads = ("test_mode", "test_frequency_hz", "model_mode", "model_frequency_hz", "mac")
-    rows = (
-        (i + 1, float(f), j + 1, float(g), float(pairs.mac[i, j]))
-        for i, f in enumerate(measured.frequency)
-        for j, g in enumerate(modes.frequency)
-    )
-    write_rows(folder / "mac.csv", heads, rows)
-
-
 def _draw(folder: Path, measured: ModalTest, modes: PartModes, pairs: Pairs) -> None:
     """MAC matrix, pairs framed, and beside it the difference of their frequencies."""
-    with house_style():
+    with style.house_style():
         height = float(np.clip(1.4 + 0.27 * len(pairs.mac), 2.6, 9.0))
-        figure, axes = new_figure(1, 2, height, sharey=True, width_ratios=[3, 1])
+        figure, axes = style.new_figure(1, 2, height, sharey=True, width_ratios=[3, 1])
         _draw_mac(axes[0, 0], measured, modes, pairs)
         axis = axes[0, 1]
         rows = np.flatnonzero(pairs.mode >= 0)
         change = 100 * (modes.frequency[pairs.mode[rows]] / measured.frequency[rows] - 1)
-        axis.axvline(0.0, color=GREY, linewidth=0.7)
-        axis.barh(rows, change, height=0.6, color=BLUE)
+        axis.axvline(0.0, color=style.GREY, linewidth=0.7)
+        axis.barh(rows, change, height=0.6, color=style.BLUE)
         widest = 2.2 * max(np.abs(change).max(initial=0.0), 0.1)
         axis.set_xlim(-widest, widest)
         for row, value in zip(rows, change, strict=True):
@@ -291,11 +280,11 @@ def _draw(folder: Path, measured: ModalTest, modes: PartModes, pairs: Pairs) -> 
             axis.text(value, row, f" {value:+.2f} ", va="center", ha=side, fontsize=7)
         axis.set_xlabel("model against test [%]")
         axis.tick_params(left=False)
-        panel(axis, "b", "Frequency")
-        save(figure, folder, "correlation")
+        style.panel(axis, "b", "Frequency")
+        style.save(figure, folder, "correlation")
 
 
-def _draw_mac(axis: Axes, measured: ModalTest, modes: PartModes, pairs: Pairs) -> None:
+def _draw_mac(axis: style.Axes, measured: ModalTest, modes: PartModes, pairs: Pairs) -> None:
     tests, count = pairs.mac.shape
     image = axis.imshow(pairs.mac, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     if count <= 24:
@@ -308,10 +297,10 @@ def _draw_mac(axis: Axes, measured: ModalTest, modes: PartModes, pairs: Pairs) -
     for i, j in zip(rows, pairs.mode[rows], strict=True):
         axis.plot([j - 0.5, j + 0.5, j + 0.5, j - 0.5, j - 0.5],
                   [i - 0.5, i - 0.5, i + 0.5, i + 0.5, i - 0.5],
-                  color=VERMILION, linewidth=1.2, clip_on=False)  # fmt: skip
+                  color=style.VERMILION, linewidth=1.2, clip_on=False)  # fmt: skip
     axis.set_yticks(range(tests), [f"{f:.0f}" for f in measured.frequency])
     axis.set_xticks(range(count), [f"{f:.0f}" for f in modes.frequency], rotation=90)
     axis.set_ylabel("measured mode [Hz]")
     axis.set_xlabel("computed mode [Hz]")
     axis.figure.colorbar(image, ax=axis, label="MAC [-]", shrink=0.8)
-    panel(axis, "a", "Modal assurance criterion, pairs framed")
+    style.panel(axis, "a", "Modal assurance criterion, pairs framed")

@@ -9,16 +9,7 @@ from pathlib import Path
 from brake_fenicsx.report.page_blocks import Block, Table, Text
 from brake_fenicsx.results.tables import Value
 
-from .page import (
-    Row,
-    ShareChange,
-    change_of,
-    frequency_text,
-    interval_of,
-    page_of_changes,
-    picture_of,
-    share_of,
-)
+from . import page
 
 Key = tuple[str, int | None]  # approach and number of a family
 
@@ -37,7 +28,7 @@ CAPTION = (
 )
 
 
-def write_budget_page(directory: Path, rows: Sequence[Row], name: str) -> Path:
+def write_budget_page(directory: Path, rows: Sequence[page.Row], name: str) -> Path:
     """Write budget.html.
 
     Args:
@@ -58,29 +49,29 @@ def write_budget_page(directory: Path, rows: Sequence[Row], name: str) -> Path:
     key = worst_family(rows)
     if key is not None and (changes := _of(varied, *key)):
         lines = [
-            ShareChange(
+            page.ShareChange(
                 f"{r['says'].removeprefix('the ')}:\n{r['change_made']}", r["probability"],
-                r["probability_variant"], None, interval_of(r), r["paired"] == "no",
+                r["probability_variant"], None, page.interval_of(r), r["paired"] == "no",
             ) for r in sorted(changes, key=lambda r: -abs(r["change"]))
         ]  # fmt: skip
-        own = interval_of(_of(scene, *key)[0])
-        blocks.insert(0, picture_of(lines, ("the scene", "the variant"), CAPTION, own))
+        own = page.interval_of(_of(scene, *key)[0])
+        blocks.insert(0, page.picture_of(lines, ("the scene", "the variant"), CAPTION, own))
     intro = sentence(rows), not_run(rows)
-    return page_of_changes(directory / "budget.html", f"Error budget of {name}", intro, blocks)
+    return page.page_of_changes(directory / "budget.html", f"Error budget of {name}", intro, blocks)
 
 
-def _parts(rows: Sequence[Row]) -> tuple[list[Row], list[Row]]:
+def _parts(rows: Sequence[page.Row]) -> tuple[list[page.Row], list[page.Row]]:
     """Rows of the scene itself, and of the variants that were run."""
     run = [r for r in rows if r["status"] == "run"]
     scene = [r for r in run if r["knob"] == "samples"]
     return scene, [r for r in run if r["knob"] != "samples"]
 
 
-def _of(rows: Sequence[Row], approach: str, family: int | None) -> list[Row]:
+def _of(rows: Sequence[page.Row], approach: str, family: int | None) -> list[page.Row]:
     return [r for r in rows if (r["approach"], r["family"]) == (approach, family)]
 
 
-def worst_family(rows: Sequence[Row]) -> Key | None:
+def worst_family(rows: Sequence[page.Row]) -> Key | None:
     """Approach and number of the scene's family whose probability changes most.
 
     Of approaches with several samples, if there are any; None where no family squeals.
@@ -89,7 +80,7 @@ def worst_family(rows: Sequence[Row]) -> Key | None:
     own = [r for r in scene if r["family"] != "any"]
     own = [r for r in own if r["samples"] > 1] or own
 
-    def size(r: Row) -> tuple[float, float]:
+    def size(r: page.Row) -> tuple[float, float]:
         changes = _of(varied, r["approach"], r["family"])
         return max((abs(c["change"]) for c in changes), default=0.0), r["probability"]
 
@@ -97,7 +88,7 @@ def worst_family(rows: Sequence[Row]) -> Key | None:
     return None if worst is None else (worst["approach"], worst["family"])
 
 
-def sentence(rows: Sequence[Row]) -> str:
+def sentence(rows: Sequence[page.Row]) -> str:
     """The budget in plain words."""
     (scene, varied), key = _parts(rows), worst_family(rows)
     if key is None and any(r["probability"] for r in scene):
@@ -120,7 +111,7 @@ def sentence(rows: Sequence[Row]) -> str:
     if largest["change"] == 0.0:
         text += "no variant that was run changes it"
     else:
-        change, of_it = "" if n == 1 else f": {largest['change']:+.2f}", interval_of(largest)
+        change, of_it = "" if n == 1 else f": {largest['change']:+.2f}", page.interval_of(largest)
         made = f"{largest['says']} ({largest['change_made']}{change})"
         text += f"the largest other uncertainty is {made}"
         if of_it is not None and of_it[0] <= 0.0 <= of_it[1]:
@@ -129,14 +120,14 @@ def sentence(rows: Sequence[Row]) -> str:
     arisen = max(_of(varied, key[0], None), key=lambda r: r["change"], default=None)
     if arisen is None or arisen["change" if n == 1 else "change_low"] <= 0.0:
         return f"{text}."
-    share = share_of(arisen["probability_variant"], arisen["samples_variant"])
+    share = page.share_of(arisen["probability_variant"], arisen["samples_variant"])
     return (
         f"{text}. A family at {_kilohertz(arisen, rows)} kHz squeals in no sample of the scene and"
         f" in {share} samples after a change of {arisen['says']} ({arisen['change_made']})."
     )
 
 
-def not_run(rows: Sequence[Row]) -> str:
+def not_run(rows: Sequence[page.Row]) -> str:
     """What was not varied, and why, in one sentence; empty where all was."""
     reasons: dict[str, list[str]] = {}
     for r in rows:
@@ -147,16 +138,16 @@ def not_run(rows: Sequence[Row]) -> str:
     return f"Not varied: {said}." if said else "Every setting was varied."
 
 
-def _of_scene(row: Row, rows: Sequence[Row]) -> list[Value]:
-    p, ends = row["probability"], interval_of(row)
+def _of_scene(row: page.Row, rows: Sequence[page.Row]) -> list[Value]:
+    p, ends = row["probability"], page.interval_of(row)
     return [
-        row["approach"], _family(row, rows), share_of(p, row["samples"]),
+        row["approach"], _family(row, rows), page.share_of(p, row["samples"]),
         None if ends is None else f"{100 * (p + ends[0]):.0f} to {100 * (p + ends[1]):.0f} %",
         _spread(row, "frequency", "_hz"), _spread(row, "damping", ""),
     ]  # fmt: skip
 
 
-def _of_variants(rows: Sequence[Row]) -> list[list[Value]]:
+def _of_variants(rows: Sequence[page.Row]) -> list[list[Value]]:
     """Each variant once, with a line for each family."""
     shown: list[list[Value]] = []
     for name in dict.fromkeys(r["variant"] for r in rows):
@@ -168,13 +159,13 @@ def _of_variants(rows: Sequence[Row]) -> list[list[Value]]:
     return shown
 
 
-def _telling(rows: Sequence[Row]) -> list[Row]:
+def _telling(rows: Sequence[page.Row]) -> list[page.Row]:
     """Rows without those of all modes together that say what an approach's only family says."""
     families = Counter(r["approach"] for r in rows if r["family"] != "any")
     return [r for r in rows if r["family"] != "any" or families[r["approach"]] != 1]
 
 
-def _change_cells(row: Row, rows: Sequence[Row]) -> list[Value]:
+def _change_cells(row: page.Row, rows: Sequence[page.Row]) -> list[Value]:
     order = [
         f"{row[f'{name}_order']:.2f} ({name})"
         for name in ("frequency", "damping")
@@ -187,25 +178,25 @@ def _change_cells(row: Row, rows: Sequence[Row]) -> list[Value]:
     ]
     paired = "the same" if row["paired"] == "yes" else "independent"
     return [
-        _family(row, rows), change_of(row), None if row["samples"] == 1 else paired,
+        _family(row, rows), page.change_of(row), None if row["samples"] == 1 else paired,
         _spread(row, "frequency", "_hz"), _spread(row, "damping", ""), ", ".join(order) or None,
         ", ".join(limits) or None, row["reason"],
     ]  # fmt: skip
 
 
-def _kilohertz(row: Row, rows: Sequence[Row]) -> str:
+def _kilohertz(row: page.Row, rows: Sequence[page.Row]) -> str:
     """Frequency of a family, with the digits that tell it from others of its approach."""
     own = (r["frequency_hz"] for r in rows if r["approach"] == row["approach"])
-    return frequency_text(row["frequency_hz"], own)
+    return page.frequency_text(row["frequency_hz"], own)
 
 
-def _family(row: Row, rows: Sequence[Row]) -> str:
+def _family(row: page.Row, rows: Sequence[page.Row]) -> str:
     if row["family"] == "any":
         return "any"
     return f"{_kilohertz(row, rows)} kHz" + (" (not in the scene)" if row["family"] is None else "")
 
 
-def _spread(row: Row, name: str, unit: str) -> str | None:
+def _spread(row: page.Row, name: str, unit: str) -> str | None:
     bias, scatter = row[f"{name}_bias{unit}"], row[f"{name}_scatter{unit}"]
     if bias is None:
         return None if scatter is None else f"{scatter:.2g}"

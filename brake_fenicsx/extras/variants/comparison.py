@@ -24,16 +24,7 @@ from brake_fenicsx.results.run import RunData, read_run
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.results.versions import differences
 
-from .page import (
-    Row,
-    ShareChange,
-    change_of,
-    frequency_text,
-    interval_of,
-    page_of_changes,
-    picture_of,
-    share_of,
-)
+from . import page
 from .surfaces import COLUMNS as SURFACE_COLUMNS
 from .surfaces import surface_blocks, surface_rows, surface_text
 
@@ -68,7 +59,7 @@ class Side:
 
 def compare_runs(
     a: str | Path | RunData, b: str | Path | RunData, may_pair: bool = True
-) -> list[Row]:
+) -> list[page.Row]:
     """Rows of the comparison, with the columns COLUMNS; all modes together first.
 
     Args:
@@ -171,7 +162,7 @@ def _vectors(shapes: Shapes, numbers: list[int]) -> NDArray[np.complex128]:
     return out
 
 
-def _row(approach: str, a: Side, b: Side, mac: float | None, paired: bool) -> Row:
+def _row(approach: str, a: Side, b: Side, mac: float | None, paired: bool) -> page.Row:
     """One line of the comparison."""
     change, low, high = difference(a.squeal, b.squeal, paired and a.squeal.size == b.squeal.size)
     chance = min(a.squeal.size, b.squeal.size) > 1
@@ -218,9 +209,9 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
             else "The intervals are those of independent samples."
         )
         lines = [
-            ShareChange(
+            page.ShareChange(
                 f"{row['approach']}, {_label(cells)}", row["probability_a"], row["probability_b"],
-                change=interval_of(row),
+                change=page.interval_of(row),
             ) for row, cells in zip(rows, shown, strict=True)
         ]  # fmt: skip
         text = "Share of samples in which a family squeals, with the 95 % interval of its change."
@@ -228,10 +219,10 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
             "Families are matched by shape (modal assurance criterion at the nodes); a family"
             f" without a match does not squeal in the other run. {how}"
         )
-        blocks = [picture_of(lines, ("A", "B"), text), Text(how), Table(HEADS, shown), *blocks]
+        blocks = [page.picture_of(lines, ("A", "B"), text), Text(how), Table(HEADS, shown), *blocks]
         where = [f"{text} ({run.criterion})" for text, run in zip(where, runs, strict=True)]
         where += [f"Warning: {text}." for text in _doubts(*runs)]
-    return page_of_changes(folder / "compare.html", title, where, blocks)
+    return page.page_of_changes(folder / "compare.html", title, where, blocks)
 
 
 def comparison_text(a: str | Path | RunData, b: str | Path | RunData) -> str:
@@ -242,7 +233,7 @@ def comparison_text(a: str | Path | RunData, b: str | Path | RunData) -> str:
     return "\n".join([*text, surface_text(surfaces)] if surfaces else text)
 
 
-def _compared(one: RunData, two: RunData) -> tuple[list[Row], list[list[Value]]]:
+def _compared(one: RunData, two: RunData) -> tuple[list[page.Row], list[list[Value]]]:
     """Rows of the families, and of the surfaces where they differ or nothing else is there."""
     surfaces = surface_rows((one, two))
     if surfaces and not (_has_modes(one) and _has_modes(two)):
@@ -267,23 +258,23 @@ def _doubts(one: RunData, two: RunData) -> list[str]:
     return lines
 
 
-def _shown(rows: Sequence[Row]) -> list[list[Value]]:
+def _shown(rows: Sequence[page.Row]) -> list[list[Value]]:
     """Cells of the rows as a person reads them, in the order of HEADS."""
     return [_cells(row, [r for r in rows if r["approach"] == row["approach"]]) for row in rows]
 
 
-def _cells(row: Row, among: Sequence[Row]) -> list[Value]:
+def _cells(row: page.Row, among: Sequence[page.Row]) -> list[Value]:
     """Those of a row; frequencies have the digits that tell them from others of the approach."""
     number = row["family_b"] if row["family_a"] is None else row["family_a"]
     frequency = ["-", "-"]
     if number is not None:
         hertz = ([r[f"frequency_{side}_hz"] for r in (row, *among[1:])] for side in "ab")
-        frequency = [frequency_text(own, others) for own, *others in hertz]
+        frequency = [page.frequency_text(own, others) for own, *others in hertz]
     damping = (row[f"median_damping_{side}"] for side in "ab")
     return [
         row["approach"], "any" if number is None else number, *frequency,
-        *(share_of(row[f"probability_{side}"], row[f"samples_{side}"]) for side in "ab"),
-        change_of(row), *("-" if d is None else f"{d:.3g}" for d in damping),
+        *(page.share_of(row[f"probability_{side}"], row[f"samples_{side}"]) for side in "ab"),
+        page.change_of(row), *("-" if d is None else f"{d:.3g}" for d in damping),
         "-" if row["mac"] is None else f"{row['mac']:.2f}",
     ]  # fmt: skip
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import gc
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -37,16 +37,10 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.samples_section import ROUGH, is_constant, split_key
 from brake_fenicsx.scene.scalars import changes_bodies
-from brake_fenicsx.scene.units import quantity_text
 
 from .comparison import compare_runs, write_comparison
 from .countermeasure_keys import Countermeasure
-from .countermeasures_page import (
-    COLUMNS,
-    countermeasures_text,
-    share_cells,
-    write_countermeasures,
-)
+from .countermeasures_page import COLUMNS, countermeasures_text, share_cells, write_countermeasures
 from .page import Row
 from .runs import Runs, or_note
 from .trial import MOST, Trial, Worst, few, limits, needed, smallest_change, worst_family
@@ -151,7 +145,7 @@ class Search:
             folder = runs.folder / "models" / digest(ranges)[:12]
             model = prepare(runs.file, runs.overrides, folder, runs.cache, ranges, runs.comm)
             self._latest = ranges, model
-        return Trial(self._latest[1].study, worst, self.runs.comm, levers[0].key)
+        return Trial(self._latest[1].study, worst, self.runs.comm, levers[0])
 
     def release(self) -> None:
         """Let the brake leave the memory, on all processes together as MPI asks for; collective."""
@@ -166,12 +160,7 @@ class Search:
         def search() -> None:
             trial, ends = self.trial(worst, c), (c.start, c.stop)
             found["first_order"] = on_first(partial(trial.slope, *ends), self.runs.comm)
-
-            def outcomes(x: float) -> Iterable[bool]:
-                logger.info("%s = %s: samples ...", c.key, quantity_text(x, c.unit))
-                return trial.outcomes(x)
-
-            change = smallest_change(outcomes, ends, len(worst.samples), STEPS, ACCURACY)
+            change = smallest_change(trial.outcomes, ends, len(worst.samples), STEPS, ACCURACY)
             found.update(value=change.value, share=[change.share.hits, change.share.n])
 
         _, note = or_note(search)

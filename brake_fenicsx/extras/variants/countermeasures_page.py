@@ -14,10 +14,10 @@ from brake_fenicsx.scene.units import quantity_text
 from .page import Row, ShareChange, page_of_changes, picture_of
 from .trial import MOST, SURE, Worst, allowed, limits
 
+AFTER = ("share_after", "share_after_low", "share_after_high")
 COLUMNS = (
     "rank", "key", "value_scene", "value_to", "unit", "first_order", "smallest_value",
-    "share_before", "share_after", "share_after_low", "share_after_high", "any_before",
-    "any_after", "verified", "samples_needed", "note",
+    "share_before", *AFTER, "any_before", "any_after", "verified", "samples_needed", "note",
 )  # fmt: skip
 HEADS = (
     "rank", "key of the scene", "value now", "acceptable limit",
@@ -39,7 +39,6 @@ def write_countermeasures(folder: Path, worst: Worst, rows: Sequence[Row]) -> Pa
         The page.
     """
     write_rows(folder / "countermeasures.csv", COLUMNS, rows)
-    family, n = worst.count, len(worst.samples)
     caption = (
         "Share of samples that squeal now and after each change, with its 90 % interval. Dotted:"
         f" {100 * MOST:.0f} %."
@@ -48,10 +47,7 @@ def write_countermeasures(folder: Path, worst: Worst, rows: Sequence[Row]) -> Pa
     return page_of_changes(
         folder / "countermeasures.html",
         "Countermeasures",
-        [f"Worst family: {family.kilohertz} kHz, squeals in {family.share.hits} of"
-         f" {family.share.n} samples of {family.approach}.",
-         f"Searched: at most {allowed(n)} of {n} samples squeal; of all, with a confidence of"
-         f" {100 * SURE:.0f} %, at most {100 * limits(allowed(n), n)[1]:.1f} %."],
+        what_is_wanted(worst, "Searched"),
         [
             picture_of(lines, ("now", "after the change"), caption, limit=MOST),
             Text(
@@ -70,6 +66,22 @@ def write_countermeasures(folder: Path, worst: Worst, rows: Sequence[Row]) -> Pa
     )  # fmt: skip
 
 
+def what_is_wanted(worst: Worst, how: str) -> list[str]:
+    """The family that is to be stopped, and in how many samples it may squeal.
+
+    Args:
+        worst: the family.
+        how: what such a change is called.
+    """
+    family, n, most = worst.count, len(worst.samples), allowed(len(worst.samples))
+    return [
+        f"Worst family: {family.kilohertz} kHz, squeals in {family.share.hits} of"
+        f" {family.share.n} samples of {family.approach}.",
+        f"{how}: at most {most} of {n} samples squeal; of all, with a confidence of"
+        f" {100 * SURE:.0f} %, at most {100 * limits(most, n)[1]:.1f} %.",
+    ]
+
+
 def countermeasures_text(rows: Sequence[Row]) -> str:
     """The table for the terminal.
 
@@ -80,12 +92,12 @@ def countermeasures_text(rows: Sequence[Row]) -> str:
 
 
 def _shown(row: Row) -> list[Value]:
-    first, after = row["first_order"], [row[f"share_after{end}"] for end in ("", "_low", "_high")]
+    first, after = row["first_order"], [row[name] for name in AFTER]
     return [
         row["rank"], row["key"], _quantity(row, "value_scene"), _quantity(row, "value_to"),
         "-" if first is None else f"{first:+.3g}", _quantity(row, "smallest_value"),
-        _percent(row["share_before"]), _percent(after[0]) if after[1] is None else
-        share_text(*after), _percent(row["any_before"]), _percent(row["any_after"]),
+        percent_text(row["share_before"]), percent_text(after[0]) if after[1] is None else
+        share_text(*after), percent_text(row["any_before"]), percent_text(row["any_after"]),
         verified_text(row), row["note"],
     ]  # fmt: skip
 
@@ -93,8 +105,7 @@ def _shown(row: Row) -> list[Value]:
 def share_cells(share: Proportion) -> Row:
     """Cells of a share after a change, with the ends that the search itself goes by."""
     ends = limits(share.hits, share.n) if share.n > 1 else (None, None)
-    return dict(zip((f"share_after{end}" for end in ("", "_low", "_high")),
-                    (share.value, *ends), strict=True))  # fmt: skip
+    return dict(zip(AFTER, (share.value, *ends), strict=True))
 
 
 def verified_text(row: Row) -> str:
@@ -103,14 +114,19 @@ def verified_text(row: Row) -> str:
     return str(row["verified"]) + (f": {more} samples would show it" if more else "")
 
 
-def _percent(share: float | None) -> str:
+def percent_text(share: float | None) -> str:
+    """A share in per cent, a dash without one."""
     return "-" if share is None else f"{100 * share:.0f} %"
 
 
 def _quantity(row: Row, name: str) -> str:
     """A value of a row with its unit, in as many digits as the search has."""
-    value = row[name]
-    return "none" if value is None else quantity_text(float(f"{value:.4g}"), row["unit"])
+    return "none" if row[name] is None else short_quantity(row[name], row["unit"])
+
+
+def short_quantity(value: float, unit: str) -> str:
+    """A quantity in as many digits as the search has."""
+    return quantity_text(float(f"{value:.4g}"), unit)
 
 
 def _lines(row: Row) -> list[ShareChange]:
@@ -118,7 +134,7 @@ def _lines(row: Row) -> list[ShareChange]:
     enough = row["smallest_value"] is not None
     reached = _quantity(row, "smallest_value" if enough else "value_to")
     change = f"{_quantity(row, 'value_scene')} to {reached}{'' if enough else ' (not sufficient)'}"
-    after, *ends = (row[f"share_after{end}"] for end in ("", "_low", "_high"))
+    after, *ends = (row[name] for name in AFTER)
     known = None if None in ends else (ends[0], ends[1])
     after = float("nan") if after is None else after
     lines = [ShareChange(f"{row['key']}\n{change}", row["share_before"], after, known)]

@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from brake_fenicsx import __version__
+from brake_fenicsx.report import style
 from brake_fenicsx.report.page_blocks import Block, Picture, Text, render, write_page
-from brake_fenicsx.report.style import BLUE, GREY, VERMILION, drawn, light_grid, new_figure
 from brake_fenicsx.results.squeal import kilohertz
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Row = dict[str, Any]  # cells of a table by column: str, int, float, or None where empty
 Ends = tuple[float, float]
@@ -77,47 +73,50 @@ def picture_of(
         own: 95 % interval of the scene's own share, as a change.
         limit: share that is marked.
     """
-    return Picture(drawn(partial(draw_changes, lines, names, own, limit)), caption)
 
-
-def draw_changes(
-    lines: Sequence[ShareChange], names: tuple[str, str], own: Ends | None = None,
-    limit: float | None = None,
-) -> Figure:  # fmt: skip
-    """Shares before and after, and beside them the changes where they have intervals."""
-    both = any(line.change for line in lines)
-    rows = sum(1 + 0.6 * line.label.count("\n") for line in lines)
-    figure, axes = new_figure(1, 1 + both, height=max(1.7, 0.25 * rows + 1.1), sharey=True)
-    left, right = axes[0, 0], axes[0, -1]
-    hollow = {"s": 50, "facecolor": "none", "edgecolor": BLUE, "lw": 1.5, "zorder": 4}
-    for y, line in enumerate(lines):
-        a, b = names if y == 0 else (None, None)
-        left.plot([line.before, line.after], [y, y], color=GREY, lw=1.0, zorder=2)
-        if line.ends:
-            left.plot(line.ends, [y, y], color=GREY, lw=3.0, alpha=0.5, zorder=1)
-        left.scatter([line.before], [y], label=a, **hollow)
-        left.scatter([line.after], [y], 22, color=VERMILION, marker="D", zorder=3, label=b)
-        if line.change:
-            right.plot(line.change, [y, y], color=GREY, lw=1.5)
+    def draw() -> style.Figure:
+        """Shares before and after, and beside them the changes where they have intervals."""
+        both = any(line.change for line in lines)
+        rows = sum(1 + 0.6 * line.label.count("\n") for line in lines)
+        figure, axes = style.new_figure(
+            1, 1 + both, height=max(1.7, 0.25 * rows + 1.1), sharey=True
+        )
+        left, right = axes[0, 0], axes[0, -1]
+        hollow = {"s": 50, "facecolor": "none", "edgecolor": style.BLUE, "lw": 1.5, "zorder": 4}
+        for y, line in enumerate(lines):
+            a, b = names if y == 0 else (None, None)
+            left.plot([line.before, line.after], [y, y], color=style.GREY, lw=1.0, zorder=2)
+            if line.ends:
+                left.plot(line.ends, [y, y], color=style.GREY, lw=3.0, alpha=0.5, zorder=1)
+            left.scatter([line.before], [y], label=a, **hollow)
+            left.scatter(
+                [line.after], [y], 22, color=style.VERMILION, marker="D", zorder=3, label=b
+            )
+            if line.change:
+                right.plot(line.change, [y, y], color=style.GREY, lw=1.5)
+            if both:
+                face = "white" if line.independent else "black"
+                change = [line.after - line.before]
+                right.scatter(change, [y], 16, facecolor=face, edgecolor="black", zorder=3)
+        left.set_yticks(range(len(lines)), [line.label.replace("$", r"\$") for line in lines])
+        left.set(ylim=(len(lines) - 0.5, -0.5), xlim=(-0.03, 1.03))
+        left.set_xlabel("share of samples that squeal [-]")
+        left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=2)
+        if limit is not None:
+            left.axvline(limit, color="black", lw=0.6, ls=":")
         if both:
-            face = "white" if line.independent else "black"
-            change = [line.after - line.before]
-            right.scatter(change, [y], 16, facecolor=face, edgecolor="black", zorder=3)
-    left.set_yticks(range(len(lines)), [line.label.replace("$", r"\$") for line in lines])
-    left.set(ylim=(len(lines) - 0.5, -0.5), xlim=(-0.03, 1.03))
-    left.set_xlabel("share of samples that squeal [-]")
-    left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=2)
-    if limit is not None:
-        left.axvline(limit, color="black", lw=0.6, ls=":")
-    if both:
-        right.axvline(0.0, color="black", lw=0.6)
-        right.set_xlabel("change, 95 % interval [-]")
-        if own:
-            right.axvspan(*own, color=GREY, alpha=0.25, lw=0, label="interval of the scene itself")
-            right.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
-    for axis in axes.flat:
-        light_grid(axis, axis="x")
-    return figure
+            right.axvline(0.0, color="black", lw=0.6)
+            right.set_xlabel("change, 95 % interval [-]")
+            if own:
+                right.axvspan(
+                    *own, color=style.GREY, alpha=0.25, lw=0, label="interval of the scene itself"
+                )
+                right.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
+        for axis in axes.flat:
+            style.light_grid(axis, axis="x")
+        return figure
+
+    return Picture(style.drawn(draw), caption)
 
 
 def frequency_text(hertz: float | None, among: Iterable[float | None]) -> str:

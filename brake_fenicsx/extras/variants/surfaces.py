@@ -9,23 +9,20 @@ zero is that of the instrument.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.micro.law import LawLibrary, LawSteps
 from brake_fenicsx.micro.support import PRESSURES
+from brake_fenicsx.report import style
 from brake_fenicsx.report.contact_figures import settings_of
 from brake_fenicsx.report.page_blocks import Block, Picture, Table, Text
-from brake_fenicsx.report.style import BLUE, VERMILION, drawn, light_grid, new_figure, panel
 from brake_fenicsx.report.surface_figures import bearing_curves
-from brake_fenicsx.report.surface_page import parameter_rows
+from brake_fenicsx.report.surface_page import parameters
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.tables import Value, text_table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Runs = tuple[RunData, RunData]
 COLUMNS = (
@@ -45,7 +42,7 @@ AT = (
 )
 # A difference of more standard errors is said; values that the zero of heights shifts are none.
 SURE, SHIFTED = 3.0, ("mean", "median")
-LOOKS = (BLUE, "-"), (VERMILION, "--")
+LOOKS = (style.BLUE, "-"), (style.VERMILION, "--")
 CAPTION = (
     "Power spectral density, bearing curve, and median stiffness of small vibrations of the laws"
     " with the band from 5 to 95 % of them."
@@ -63,10 +60,10 @@ def surface_rows(runs: Runs) -> list[list[Value]]:
 
 
 def _parameters(runs: Runs) -> Iterator[list[Value]]:
-    a, b = ({str(row[0]): row for row in parameter_rows(run)} for run in runs)
+    a, b = ({p.key: p for p in parameters(run)} for run in runs)
     for name in (name for name in a if name in b and name not in SHIFTED):
-        one, two = ([_number(v) for v in side[name][1:3]] for side in (a, b))
-        yield [name, str(a[name][3]), None, *_beside(*one, *two)]
+        one, two = a[name], b[name]
+        yield [name, one.unit, None, *_beside(one.value, one.error, two.value, two.error)]
 
 
 def _laws(runs: Runs) -> Iterator[list[Value]]:
@@ -102,10 +99,6 @@ def differing(rows: Sequence[Sequence[Value]]) -> str:
     return (
         f"A and B differ by more than {SURE:.0f} standard errors in: {'; '.join(said) or 'none'}."
     )
-
-
-def _number(value: Value) -> float | None:
-    return value if isinstance(value, float) else None
 
 
 def _median(values: NDArray | None, factor: float) -> tuple[float | None, float | None]:
@@ -149,7 +142,7 @@ def surface_blocks(runs: Runs, rows: Sequence[Sequence[Value]]) -> list[Block]:
     )
     return [
         *([Text(sentence)] if (sentence := differing(rows)) else []),
-        Picture(drawn(lambda: draw_surfaces(runs)), CAPTION),
+        Picture(style.drawn(lambda: draw_surfaces(runs)), CAPTION),
         Text(f"{text} Laws of contact: {'; '.join(said)}." if said else text),
         Table.without_empty(HEADS, list(_cells(rows))),
     ]
@@ -178,12 +171,12 @@ def _made(run: RunData) -> str:
     return f"{n} laws, E* {modulus / 1e6:.4g} MPa, {said}"
 
 
-def draw_surfaces(runs: Runs) -> Figure:
+def draw_surfaces(runs: Runs) -> style.Figure:
     """Spectra, bearing curves and stiffnesses of both runs in one figure."""
-    figure, axes = new_figure(1, 3, height=2.9)
+    figure, axes = style.new_figure(1, 3, height=2.9)
     spectrum, bearing, stiffness = axes[0]
-    for name, (colour, style), run in zip("AB", LOOKS, runs, strict=True):
-        looks: dict[str, Any] = {"color": colour, "ls": style, "label": name}
+    for name, (colour, dashes), run in zip("AB", LOOKS, runs, strict=True):
+        looks: dict[str, Any] = {"color": colour, "ls": dashes, "label": name}
         if (s := run.surface) is not None:
             q, C = (s["q"], s["C"]) if "q" in s else (s["spectrum_q"], s["spectrum_C"])
             spectrum.loglog(q / 1e3, C, **looks)
@@ -203,8 +196,8 @@ def draw_surfaces(runs: Runs) -> Figure:
     stiffness.minorticks_off()
     stiffness.set(xlabel="mean pressure [MPa]", ylabel="stiffness of vibrations [N/mm$^3$]")
     for letter, axis in zip("abc", axes[0], strict=True):
-        panel(axis, letter, "")
-        light_grid(axis)
+        style.panel(axis, letter, "")
+        style.light_grid(axis)
         if axis.get_legend_handles_labels()[1]:
             axis.legend()
     return figure

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mpi4py import MPI
 
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.report import style
 from brake_fenicsx.report.page_blocks import Picture, Table, Text
-from brake_fenicsx.report.style import drawn, new_figure
 from brake_fenicsx.results.answer import share_text
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene.keys import dotted, key_parts
@@ -26,12 +26,9 @@ from brake_fenicsx.scene.units import quantity_text, to_si, usual_unit
 
 from .countermeasure_keys import Countermeasure
 from .countermeasures import Search
-from .countermeasures_page import verified_text
+from .countermeasures_page import AFTER, percent_text, short_quantity, verified_text, what_is_wanted
 from .page import Row, page_of_changes
-from .trial import MOST, SURE, Worst, allowed, limits
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .trial import MOST, Worst, allowed, limits
 
 MOST_POINTS = 50  # along one side
 COLUMNS = ("value_1", "value_2", "squeal", "samples", "share", "share_low", "share_high", "enough",
@@ -152,19 +149,11 @@ def _cells(grid: Grid, verified: Row, note: str) -> list[Any]:
     if (at := grid.smallest) is None:
         return ["none", "-", "-", "-", "no", note]
     there = zip(grid.levers, grid.values, at, strict=True)
-    said = ", ".join(f"{c.key} = {_text(v[i], c)}" for c, v, i in there)
+    said = ", ".join(f"{c.key} = {short_quantity(v[i], c.unit)}" for c, v, i in there)
     hits = int(grid.hits[at])
     share = hits / grid.samples, *limits(hits, grid.samples)
-    after = [verified.get(name) for name in ("share_after", "share_after_low", "share_after_high")]
-    loud = verified.get("any_after")
-    return [
-        said, share_text(*share), share_text(*after),
-        "-" if loud is None else f"{100 * loud:.0f} %", verified_text(verified), note,
-    ]  # fmt: skip
-
-
-def _text(value: float, c: Countermeasure) -> str:
-    return quantity_text(float(f"{value:.4g}"), c.unit)
+    after, loud = map(verified.get, AFTER), percent_text(verified.get("any_after"))
+    return [said, share_text(*share), share_text(*after), loud, verified_text(verified), note]
 
 
 def _write(folder: Path, worst: Worst, grid: Grid, cells: list[Any], ran: bool) -> Path:
@@ -179,16 +168,12 @@ def _write(folder: Path, worst: Worst, grid: Grid, cells: list[Any], ran: bool) 
             [*pair, int(hits), grid.samples, float(hits / grid.samples), *ends, enough, best]
         )
     write_rows(folder / "together.csv", COLUMNS, rows)
-    family, n = worst.count, grid.samples
     return page_of_changes(
         folder / "together.html",
         "Two countermeasures together",
-        [f"Worst family: {family.kilohertz} kHz, squeals in {family.share.hits} of"
-         f" {family.share.n} samples of {family.approach}.",
-         f"Sufficient: at most {allowed(n)} of {n} samples squeal; of all, with a confidence of"
-         f" {100 * SURE:.0f} %, at most {100 * limits(allowed(n), n)[1]:.1f} %."],
+        what_is_wanted(worst, "Sufficient"),
         [
-            Picture(drawn(partial(draw_grid, grid)),
+            Picture(style.drawn(partial(draw_grid, grid)),
                     "Share of samples in which the worst family squeals over both numbers. Circle:"
                     " the scene; star: the smallest sufficient change, the least sum of both"
                     " relative to their ranges."),
@@ -200,9 +185,9 @@ def _write(folder: Path, worst: Worst, grid: Grid, cells: list[Any], ran: bool) 
     )  # fmt: skip
 
 
-def draw_grid(grid: Grid) -> Figure:
+def draw_grid(grid: Grid) -> style.Figure:
     """Shares over both numbers, in the units of the scene's habits."""
-    figure, axes = new_figure(1, 1, height=4.2, width=6.4)
+    figure, axes = style.new_figure(1, 1, height=4.2, width=6.4)
     axis, units = axes[0, 0], [usual_unit(c.unit) for c in grid.levers]
     x, y = (
         v / (to_si(f"1 {unit}", c.unit) if unit else 1.0)

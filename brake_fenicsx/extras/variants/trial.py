@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.stats import beta, binom
 
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.mac import mac
 from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
@@ -28,9 +29,11 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family, squeals
 from brake_fenicsx.samples.numbering import dof_places
 from brake_fenicsx.samples.study import Study
+from brake_fenicsx.scene.units import quantity_text
 from brake_fenicsx.sweeps.state import Points, State, likeness
 
 from .comparison import shapes_of
+from .countermeasure_keys import Countermeasure
 
 # Step of the derivative, relative to the range.
 STEP = 1e-3
@@ -87,16 +90,16 @@ def worst_family(run: RunData, approach: str) -> Worst | None:
 class Trial:
     """Samples of a prepared brake, and which of their modes are the worst family."""
 
-    def __init__(self, study: Study, worst: Worst, comm: MPI.Comm, key: str):
+    def __init__(self, study: Study, worst: Worst, comm: MPI.Comm, lever: Countermeasure):
         """Give the families coordinates of this brake; collective.
 
         Args:
             study: samples of the brake.
             worst: the worst family.
             comm: processes that share the samples.
-            key: of the number that samples take at other values.
+            lever: the number that samples take at other values.
         """
-        self._study, self._worst, self._comm, self._key = study, worst, comm, key
+        self._study, self._worst, self._comm, self._lever = study, worst, comm, lever
         places = dof_places(study.brake, study.models.numbering.body)
         shapes = shapes_at_dofs(worst.shapes, places)
         found = study.models.coordinates.of(shapes)
@@ -114,6 +117,7 @@ class Trial:
             x: the value.
             fixed: values of further numbers of the scene.
         """
+        logger.info("%s = %s: samples ...", self._lever.key, quantity_text(x, self._lever.unit))
         samples = self._worst.samples
         return in_turns(
             len(samples), lambda i: self._squeals(x, samples[i], fixed or {}), self._comm
@@ -129,7 +133,7 @@ class Trial:
 
     def _state(self, x: float, k: int, fixed: Mapping[str, float] = MappingProxyType({})) -> State:
         task, other = (self._worst.count.approach, k), repr(sorted(fixed.items()))
-        line = Points(self._study, task, self._key, fixed)
+        line = Points(self._study, task, self._lever.key, fixed)
         return self._points.setdefault((k, other), line)(x)
 
     def _loud(self, state: State) -> list[int]:

@@ -8,6 +8,7 @@ from scipy.special import ellipk, iv
 
 from brake_fenicsx.extras.limit_cycle.bodies import Bodies
 from brake_fenicsx.extras.limit_cycle.contact_forces import PeriodForces
+from brake_fenicsx.extras.limit_cycle.floquet import exponents, verdict
 from brake_fenicsx.extras.limit_cycle.growth import (
     STABLE,
     UNSTABLE,
@@ -94,7 +95,10 @@ def test_duffing(amplitude):
 
 
 def test_van_der_pol():
-    """Amplitude 2; growth (e / 2)(1 - a^2 / 4) and frequency 1 - e^2 / 16 of a small e."""
+    """Amplitude 2; growth (e / 2)(1 - a^2 / 4) and frequency 1 - e^2 / 16 of a small e.
+
+    Floquet exponents are 0 and -e to first order.
+    """
     e = 0.02
     problem = van_der_pol(e)
     branch = follow(problem, first_vibration(problem, 0.5 * e + 1j, 0.05), 10.0)
@@ -104,6 +108,8 @@ def test_van_der_pol():
     assert cycle.at.s.imag == pytest.approx(1 - e**2 / 16, rel=1e-8)
     a, alpha = np.array(branch.amplitude), np.real(branch.s)
     np.testing.assert_allclose(alpha, 0.5 * e * (1 - a**2 / 4), atol=0.01 * e)
+    shift, other = exponents(problem, cycle.at)
+    assert abs(shift) < 1e-3 * e and other.real == pytest.approx(-e, rel=1e-2)
 
 
 def test_van_der_pol_of_relaxations():
@@ -129,7 +135,8 @@ def test_van_der_pol_of_relaxations():
 def test_subcritical_oscillator():
     """x'' + (c - x'^2 + x'^4 / 4) x' + x = 0 is stable at rest, and grows from a kick: both cycles.
 
-    To first order growth is -(c - 3 a^2 / 4 + 5 a^4 / 32) / 2.
+    To first order growth alpha is -(c - 3 a^2 / 4 + 5 a^4 / 32) e / 2, and the Floquet exponent
+    2 d alpha / d ln a: positive at the first cycle, which a kick must pass.
     """
     c, e = 0.5, 0.02
     problem = oscillator(
@@ -141,6 +148,11 @@ def test_subcritical_oscillator():
     exact = np.sqrt(np.sort(np.roots([5 / 32, -3 / 4, c]).real))
     found = [cycle.at.amplitude for cycle in branch.cycles]
     np.testing.assert_allclose(found, exact, rtol=1e-3)
+    for cycle, name in zip(branch.cycles, ("gives way: another cycle", "stable"), strict=True):
+        a = cycle.at.amplitude
+        shift, other = exponents(problem, cycle.at)
+        assert other.real == pytest.approx(e * (0.75 * a**2 - 5 / 16 * a**4), rel=0.01)
+        assert verdict(other.real, abs(shift.real), other.imag / cycle.at.s.imag) == name
 
 
 @pytest.mark.parametrize("c", [0.02, 0.1])

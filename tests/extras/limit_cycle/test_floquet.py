@@ -8,38 +8,6 @@ from brake_fenicsx.extras.limit_cycle.bodies import Bodies
 from brake_fenicsx.extras.limit_cycle.floquet import exponents, verdict
 from brake_fenicsx.extras.limit_cycle.growth import follow
 from brake_fenicsx.extras.limit_cycle.harmonic_balance import HarmonicBalance, Tangent
-from oscillators import first_vibration, oscillator, van_der_pol
-
-HARMONICS, POINTS = 9, 128
-
-
-def test_van_der_pol():
-    """Exponents 0 and -e to first order in e."""
-    e = 0.02
-    problem = van_der_pol(e)
-    branch = follow(problem, first_vibration(problem, 0.5 * e + 1j, 0.05), 10.0)
-    shift, other = exponents(problem, branch.cycles[0].at)
-    assert abs(shift) < 1e-3 * e
-    assert other.real == pytest.approx(-e, rel=1e-2)
-
-
-def test_a_cycle_that_a_kick_must_pass():
-    """Of a subcritical oscillator: the exponent is twice d alpha / d ln a, positive, then negative.
-
-    To first order growth is -(c - 3 a^2 / 4 + 5 a^4 / 32) e / 2.
-    """
-    c, e = 0.5, 0.02
-    problem = oscillator(
-        lambda x, v: -e * (c - v**2 + v**4 / 4) * v, lambda x, v: 0 * x,
-        lambda x, v: -e * (c - 3 * v**2 + 5 * v**4 / 4),
-    )  # fmt: skip
-    branch = follow(problem, first_vibration(problem, -0.5 * e * c + 1j, 0.05), 10.0)
-    for cycle, name in zip(branch.cycles, ("gives way: another cycle", "stable"), strict=True):
-        a = cycle.at.amplitude
-        shift, other = exponents(problem, cycle.at)
-        assert other.real == pytest.approx(e * (0.75 * a**2 - 5 / 16 * a**4), rel=0.01)
-        assert verdict(other.real, abs(shift.real), other.imag / cycle.at.s.imag) == name
-
 
 K, C = np.array([[2.0, -0.4, 0], [-0.4, 0.3, 0], [0, 0, 400.0]]), np.diag([0.05, 0.05, 0.5])
 OUT, ACTING = np.array([0.0, 1.0, 1.0]), np.array([0.9, 1.0, 1.0])

@@ -13,7 +13,7 @@ import pytest
 
 from brake_fenicsx import prepare, run
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.extras.limit_cycle import sample as cycle_sample
+from brake_fenicsx.extras.limit_cycle import cycles as module
 from brake_fenicsx.extras.limit_cycle.cycle_figures import (
     cycle_blocks,
     draw_growth,
@@ -21,10 +21,9 @@ from brake_fenicsx.extras.limit_cycle.cycle_figures import (
     loudness_text,
 )
 from brake_fenicsx.extras.limit_cycle.cycle_tables import CYCLES, FAMILIES, _families
-from brake_fenicsx.extras.limit_cycle.cycles import limit_cycles
+from brake_fenicsx.extras.limit_cycle.cycles import MEASURES, limit_cycles
 from brake_fenicsx.extras.limit_cycle.floquet import verdict
 from brake_fenicsx.extras.limit_cycle.growth import EXACTLY
-from brake_fenicsx.extras.limit_cycle.sample import MEASURES
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.scene import read_scene
 from processes import parallel
@@ -121,7 +120,7 @@ def test_one_family_has_one_frequency_on_the_page(done):
 
 def test_a_cycle_that_gives_way_has_no_loudness(monkeypatch):
     """What takes its place was 3.3 times as large by time steps; its amplitude stays."""
-    monkeypatch.setattr(cycle_sample, "verdict", lambda *_: "gives way: its period doubles")
+    monkeypatch.setattr(module, "verdict", lambda *_: "gives way: its period doubles")
     (cycle,) = limit_cycles(prepare(BLOCK, GIVEN), sample=1)
     assert cycle["outcome"].startswith("gives way") and cycle["amplitude_um"] > 0.3
     assert np.isnan(cycle["level_1m_db"]) and np.isnan(cycle["sound_power_db"])

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
@@ -17,7 +16,9 @@ from brake_fenicsx.extras.measured.part_modes import part_modes, shapes_at
 from brake_fenicsx.extras.measured.study import paired
 from brake_fenicsx.mac import mac
 from brake_fenicsx.scene import read_scene
+from free_beam import HEIGHT, LENGTH, RHO, E, free_beam
 from run_tables import read_columns
+from universal_files import geometry, write_sets
 
 pyuff = pytest.importorskip("pyuff")
 SCENES = Path(__file__).parents[3] / "scripts" / "scenes"
@@ -28,86 +29,26 @@ BAR = [
     "parts.plate.z='-12 mm'", "parts.plate.size='6 mm'", "mesh.cells=hexahedra",
 ]  # fmt: skip
 DISC = ["parts.disc.size='20 mm'", "mesh.order=2"]
-LENGTH, HEIGHT, E, NU, RHO = 0.2, 0.012, 125e9, 0.24, 7200.0
-
-
-def free_beam(number):
-    """Lowest bending modes of a free Timoshenko beam: frequencies [Hz] and deflections w(x).
-
-    Even and odd modes are sums of cosh a x, cos b x and of sinh a x, sin b x, without moment and
-    shear force at x = L / 2. Shear coefficient: Cowper, J. Appl. Mech. 33 (1966) 335.
-    """
-    k, G, radius2 = 10 * (1 + NU) / (12 + 11 * NU), E / 2 / (1 + NU), HEIGHT**2 / 12
-
-    def at_the_end(f, odd):
-        omega2 = (2 * np.pi * f) ** 2
-        g = RHO * omega2 / (k * G)
-        half = 0.5 * (RHO * omega2 / E + g)
-        root = np.sqrt(half**2 + (1 / radius2 - g) * RHO * omega2 / E)
-        a, b = np.sqrt(root - half), np.sqrt(root + half)
-        x, y = a * LENGTH / 2, b * LENGTH / 2
-        turn = [a**2 + g, g - b**2]
-        if odd:
-            rows = [turn[0] * np.sinh(x), turn[1] * np.sin(y)], [-np.cosh(x) / a, np.cos(y) / b]
-        else:
-            rows = [turn[0] * np.cosh(x), turn[1] * np.cos(y)], [-np.sinh(x) / a, -np.sin(y) / b]
-        return np.array(rows), a, b
-
-    found = []
-    grid = np.linspace(100.0, 16e3, 400)
-    for odd in (False, True):
-        value = [np.linalg.det(at_the_end(f, odd)[0]) for f in grid]
-        for i in np.flatnonzero(np.diff(np.sign(value))):
-            f = brentq(
-                lambda x, odd=odd: np.linalg.det(at_the_end(x, odd)[0]), grid[i], grid[i + 1]
-            )
-            rows, a, b = at_the_end(f, odd)
-            of = (np.sinh, np.sin) if odd else (np.cosh, np.cos)
-            c = [rows[0, 1], -rows[0, 0]]
-            found.append(
-                (f, lambda x, c=c, a=a, b=b, of=of: c[0] * of[0](a * x) + c[1] * of[1](b * x))
-            )
-    return sorted(found, key=lambda mode: mode[0])[:number]
 
 
 def write_test(
-    path,
-    points,
-    shapes,
-    frequencies,
-    unit=1.0,
-    damping=0.01,
-    extra=(),
-    old=False,
-    system=0,
+    path, points, shapes, frequencies, unit=1.0, damping=0.01, extra=(), old=False, system=0,
     definition=0,
-):
+):  # fmt: skip
     """A universal file as test software writes it; shapes (modes, points, 3), real or complex."""
-    label = np.arange(101, 101 + len(points))
-    zero = np.zeros(len(points), int)
-    x, y, z = np.asarray(points).T * unit
-    nodes = {
-        "node_nums": label,
-        "def_cs": zero + definition,
-        "disp_cs": zero + system,
-        "color": zero,
-    }
-    sets = [
-        *extra,
-        {"type": 164, "units_code": 9, "length": unit, "force": 1.0, "temp": 1.0,
-         "temp_offset": 0.0},
-        {"type": 15 if old else 2411, **nodes, "x": x, "y": y, "z": z},
-    ]  # fmt: skip
+    kind = 15 if old else 2411
+    sets = [*extra, *geometry(points, unit, 101, kind, definition, system)]
     for i, (u, f) in enumerate(zip(shapes, frequencies, strict=True), start=1):
         mode = {"type": 55, "data_ch": 2, "spec_data_type": 12, "load_case": 1, "mode_n": i,
-                "node_nums": label, "r1": u[:, 0], "r2": u[:, 1], "r3": u[:, 2]}  # fmt: skip
+                "node_nums": 101 + np.arange(len(points)),
+                "r1": u[:, 0], "r2": u[:, 1], "r3": u[:, 2]}  # fmt: skip
+        omega = 2 * np.pi * f
+        eig = omega * complex(-damping / np.sqrt(1 - damping**2), 1)
+        kinds = {"analysis_type": 2, "freq": f, "modal_damp_vis": damping}
         if np.iscomplexobj(u):
-            omega = 2 * np.pi * f
-            eig = omega * complex(-damping / np.sqrt(1 - damping**2), 1)
-            sets.append(mode | {"analysis_type": 3, "eig": eig})
-        else:
-            sets.append(mode | {"analysis_type": 2, "freq": f, "modal_damp_vis": damping})
-    pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
+            kinds = {"analysis_type": 3, "eig": eig}
+        sets.append(mode | kinds)
+    write_sets(path, sets)
 
 
 def measured(shapes, rng, noise=0.01):
@@ -256,7 +197,7 @@ def test_a_test_that_is_of_no_use_is_refused_with_one_line(tmp_path, capsys):
     def refused(name, words=(), change=None, where=None):
         path = tmp_path / name
         if change is not None:
-            pyuff.UFF(str(path)).write_sets(change, mode="overwrite")
+            write_sets(path, change)
         out = tmp_path / "out"
         given = [w for c in BAR for w in ("--set", c)] + list(words)
         assert main(["correlate", str(BLOCK), str(path), "-o", str(out), *given]) == 2

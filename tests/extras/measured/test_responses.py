@@ -12,12 +12,14 @@ from brake_fenicsx.extras.measured.part_modes import part_body, surface_rows
 from brake_fenicsx.extras.measured.response_study import _damped
 from brake_fenicsx.extras.measured.responses import Damped, frac, real_modes, receptances
 from brake_fenicsx.scene import read_scene
+from free_beam import HEIGHT, LENGTH, NU, RHO, WIDTH, E, beam
 from run_tables import read_columns
+from universal_files import function, geometry, write_sets
 
-pyuff = pytest.importorskip("pyuff")
+pytest.importorskip("pyuff")
 SCENES = Path(__file__).parents[3] / "scripts" / "scenes"
 PAD = SCENES / "lining_pad.toml"
-LENGTH, WIDTH, HEIGHT, E, NU, RHO, BETA = 0.2, 0.02, 0.012, 125e9, 0.24, 7200.0, 3e-6
+BETA = 3e-6
 BAR = f"""\
 stages = []
 [mesh]
@@ -42,54 +44,18 @@ rayleigh = [0, "{BETA} s"]
 """
 
 
-def beam(f, x):
-    """Receptance of a free Timoshenko beam at x to a force across its end -L/2 [m/N].
-
-    E and G have the factor 1 + i omega beta, as the stiffness with Rayleigh's beta. Of the waves
-    exp(l x) each has the rotation (l^2 + g) / l; ends are free of moment, and of shear force but
-    for the force. Shear coefficient: Cowper, J. Appl. Mech. 33 (1966) 335.
-    """
-    omega = 2 * np.pi * f
-    loss = 1 + 1j * omega * BETA
-    shear = 10 * (1 + NU) / (12 + 11 * NU) * E / 2 / (1 + NU) * loss
-    g, h = RHO * omega**2 / shear, RHO * omega**2 / (E * loss)
-    bent = RHO * 12 / HEIGHT**2 * omega**2 / (E * loss)
-    wave = np.roots([1, 0, g + h, 0, g * h - bent])
-    turn = (wave**2 + g) / wave
-    rows, ends = [], np.array([-LENGTH / 2, LENGTH / 2])
-    for end in ends:
-        e = np.exp(wave * end)
-        rows += [turn * wave * e, shear * WIDTH * HEIGHT * (wave - turn) * e]
-    c = np.linalg.solve(np.array(rows), [0, -1, 0, 0])
-    return np.exp(np.outer(x, wave)) @ c
-
-
 def test_the_closed_form_of_the_beam_at_rest_is_a_rigid_body():
     mass, f = RHO * LENGTH * WIDTH * HEIGHT, 2.0
     rigid = -(np.array([4.0, 1.0, -2.0])) / (mass * (2 * np.pi * f) ** 2)
-    found = beam(f, np.array([-0.5, 0.0, 0.5]) * LENGTH)
+    found = beam(f, np.array([-0.5, 0.0, 0.5]) * LENGTH, BETA)
     turning = 1 + HEIGHT**2 / LENGTH**2  # inertia of rotation
     np.testing.assert_allclose(found, rigid, rtol=2 * (turning - 1))
 
 
-def write_responses(path, points, responses, unit=1e3, **labels):
+def write_responses(path, points, responses, **labels):
     """A universal file of accelerances, nodes 1, 2, ... in mm; responses (frequency, values)."""
-    zero = np.zeros(len(points), int)
-    x, y, z = np.asarray(points).T * unit
-    sets = [
-        {"type": 164, "units_code": 9, "length": unit, "force": 1.0, "temp": 1.0,
-         "temp_offset": 0.0},
-        {"type": 2411, "node_nums": 1 + np.arange(len(points)), "def_cs": zero, "disp_cs": zero,
-         "color": zero, "x": x, "y": y, "z": z},
-    ]  # fmt: skip
-    for node, (f, values) in enumerate(responses, start=2):
-        kinds = {"ordinate_spec_data_type": 12, "orddenom_spec_data_type": 13, "rsp_dir": 3,
-                 "ref_dir": 3, "ref_node": 1, "rsp_node": node}  # fmt: skip
-        sets.append(pyuff.prepare_58(
-            binary=0, func_type=4, data=values, x=f, id1="", rsp_ent_name="NONE",
-            ref_ent_name="NONE", abscissa_spacing=1, abscissa_spec_data_type=18, **kinds | labels,
-        ))  # fmt: skip
-    pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
+    own = [function(*pair, node, **labels) for node, pair in enumerate(responses, start=2)]
+    write_sets(path, [*geometry(points, 1e3), *own])
 
 
 @pytest.mark.long
@@ -98,7 +64,7 @@ def test_a_bar_beside_its_closed_form(tmp_path, capsys):
     scene, test, out = tmp_path / "bar.toml", tmp_path / "bar.unv", tmp_path / "out"
     scene.write_text(BAR)
     x, f = np.array([0.0, 0.05, 0.1]), np.linspace(0, 6000, 601)
-    H = np.array([np.zeros(3), *(beam(one, x) for one in f[1:])]).T
+    H = np.array([np.zeros(3), *(beam(one, x, BETA) for one in f[1:])]).T
     points = [(-LENGTH / 2, 0, 0), *((one, 0.0, 0.0) for one in x)]
     accelerance = -1e3 * (2 * np.pi * f) ** 2 * H
     write_responses(test, points, [(f, a) for a in accelerance])
@@ -199,15 +165,9 @@ def test_responses_of_the_model_alone(tmp_path, capsys):
     ],
 )
 def test_functions_that_cannot_be_compared_are_one_line(labels, said, tmp_path, capsys):
-    scene, test = tmp_path / "bar.toml", tmp_path / "bar.unv"
+    scene, test, out = tmp_path / "bar.toml", tmp_path / "bar.unv", tmp_path / "out"
     scene.write_text(BAR)
-    kind = labels.pop("func_type", 4)
     write_responses(test, [(-0.1, 0, 0), (0.1, 0, 0)], [(np.arange(1e3), np.ones(1000))], **labels)
-    if kind != 4:
-        sets = pyuff.UFF(str(test)).read_sets()
-        sets[-1]["func_type"] = kind
-        pyuff.UFF(str(test)).write_sets(sets, mode="overwrite")
-    out = tmp_path / "out"
     assert main(["correlate", str(scene), str(test), "-o", str(out)]) == 2
     assert said in capsys.readouterr().err and not out.exists()
 

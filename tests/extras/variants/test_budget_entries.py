@@ -1,7 +1,5 @@
 """Entries of the budget against synthetic results whose bias and scatter are known."""
 
-import csv
-
 import numpy as np
 import pytest
 
@@ -16,6 +14,7 @@ from brake_fenicsx.extras.variants.entries import (
 )
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.tables import write_rows
+from run_tables import read_rows
 
 FAMILIES = np.array([3, 8])
 
@@ -154,8 +153,7 @@ def test_page_names_the_family_and_the_largest_change(tmp_path):
     )
     assert "the largest other uncertainty is the laws (finer: +0." in said
     write_rows(tmp_path / "budget.csv", COLUMNS, rows)
-    with (tmp_path / "budget.csv").open() as file:
-        assert len(list(csv.DictReader(file))) == len(rows)
+    assert len(read_rows(tmp_path / "budget.csv")) == len(rows)
     page = write_budget_page(tmp_path, rows, "made <up>").read_text()
     assert "made &lt;up&gt;" in page and said.split(";")[0] in page and "data:image/png" in page
 

@@ -1,9 +1,7 @@
 """Two runs compared: published intervals, the same run, another mesh, another friction."""
 
-import csv
 import json
 import shutil
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -15,16 +13,13 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.variants.comparison import compare_runs, write_comparison
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.results.ensemble_statistics import difference
+from coarse_block import BLOCK
+from coarse_block import ROUGH as SMALL
+from run_tables import read_rows
 
 COMM = MPI.COMM_SELF
-BLOCK = Path(__file__).parents[3] / "scripts" / "scenes" / "block_on_plate.toml"
-ROUGH = [
-    "stages=['surface','equilibrium','stability','uncertainty']",
-    "surface.statistics={ S_q = '0.05 um' }", "contact.block_plate.gap=hdf",
-    "contact.block_plate.law={ p0 = '10 MPa', u0 = '0.05 um' }",
-    "stability.band=['0 Hz','30 kHz']", "stability.method=reduced", "samples.n=6",
-    "parts.plate.size='14 mm'",
-]  # fmt: skip
+ROUGH = [*SMALL[:4], "stability.band=['0 Hz','30 kHz']", "stability.method=reduced", "samples.n=6",
+         "parts.plate.size='14 mm'"]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -96,8 +91,7 @@ def test_families_that_are_gone_have_no_match(runs, capsys):
     out = runs / "page"
     assert main(["compare", str(runs / "coarse"), str(runs / "smooth"), "-o", str(out)]) == 0
     assert "change (95 % interval)" in capsys.readouterr().out
-    with (out / "compare.csv").open() as file:
-        assert len(list(csv.DictReader(file))) == len(rows)
+    assert len(read_rows(out / "compare.csv")) == len(rows)
     page = (out / "compare.html").read_text()
     assert "Two runs compared" in page and "<script" not in page
     assert "Warning" not in page
