@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
@@ -111,7 +113,7 @@ def draw_correlations(run: RunData, most: int = 12) -> style.Figure | None:
         return None
     rows = [len(inputs) for inputs in shown.values()]
     height, ratios = 0.7 + 0.5 * len(rows) + 0.26 * sum(rows), [n + 1 for n in rows]
-    grid = {"sharex": True, "gridspec_kw": {"height_ratios": ratios}}
+    grid: dict[str, Any] = {"sharex": True, "gridspec_kw": {"height_ratios": ratios}}
     figure, axes = style.new_figure(len(rows), 1, height, **grid)
     for axis, (approach, inputs) in zip(axes.flat, shown.items(), strict=True):
         y = np.arange(len(inputs))[::-1]
