@@ -43,7 +43,7 @@ def clip_triangles(subject: Array, window: Array) -> tuple[Array, Ints]:
     polygon: Array = np.zeros((pairs, CORNERS, 2))
     polygon[:, :3] = subject
     count: Ints = np.full(pairs, 3)
-    turn = np.sign(_cross(window[:, 1] - window[:, 0], window[:, 2] - window[:, 0]))
+    turn: Array = np.sign(_cross(window[:, 1] - window[:, 0], window[:, 2] - window[:, 0]))
     for i in range(3):
         start, end = window[:, i], window[:, (i + 1) % 3]
         polygon, count = _cut(polygon, count, start, turn[:, None] * (end - start))
