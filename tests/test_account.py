@@ -69,6 +69,19 @@ def called(account, *words, **more):
 
 @pytest.mark.hard
 @pytest.mark.slow
+def test_the_mesh_of_the_demo_is_the_same_in_every_account(accounts):
+    """~/.gmshrc with a size factor of 2 and two threads: the same mesh, node by node."""
+    words, found = ["check", str(SCENES / "disc_brake_demo.toml"), "--json", "-q"], set()
+    for size in ("parts.disc.size=36 mm", "parts.pad.size=16 mm", "parts.pad.plate_size=24 mm"):
+        words += ["--set", size]
+    for name, threads in (("plain", "1"), ("hostile", "2")):
+        done = called(accounts[name], *PROGRAM, *words, OMP_NUM_THREADS=threads)
+        found.add(json.loads(done.stdout)["mesh_sha256"])
+    assert len(found) == 1 and len(found.pop()) == 64
+
+
+@pytest.mark.hard
+@pytest.mark.slow
 def test_a_run_is_the_same_in_every_account(accounts):
     """Options of gmsh, PETSc, DOLFINx, FFCx and matplotlib, seed and locale change no byte."""
     words = ["run", str(SCENES / "squealing_block.toml"), "-o", "out"]

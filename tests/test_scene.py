@@ -153,6 +153,8 @@ MISTAKES = [
     ("materials.iron.E='125 Gpa'", "unknown unit 'Gpa'", "did you mean 'GPa'?"),
     ("materials.iron.E='125 bananas'", "unknown unit 'bananas'", "write pressure or modulus"),
     ("materials.iron.E=GPa", "not a quantity", "pressure or modulus"),
+    ("stability.threshold=-0.01", "zero or more", "damping below -0.01"),
+    ("materials.irno.E=1 GPa", "materials.irno.model: missing", "there are beside irno: iron"),
     (
         "stability.damping.modal={ ratio=0.02 }",
         "ratio = 0.02: write a table",

@@ -42,6 +42,8 @@ ANY_UNIT = {"anyOf": [QUANTITY, {"type": "number"}]}
 SIGNS: Any = {"positive": {"gt": 0}, "zero": {"ge": 0}, "any": {}}
 # Whole numbers are no larger than the samples or steps that any computer gets through.
 MOST = 10**7
+# Sections of tables by names that a user chooses.
+NAMED = ("parts", "materials", "contact", "ties")
 TEXTS = {
     "missing": "missing; it has no default", "dict_type": "write a table",
     "string_type": "write text", "bool_type": "write true or false",
@@ -389,6 +391,21 @@ def _member(value: Any, kinds: tuple[Any, ...], unit: str) -> str | None:
     return None
 
 
+def _remedy(error: Any, keys: list[str], table: Any, root: Any) -> str:
+    """What some kinds of mistakes are, as a rule, and how they are put right."""
+    kind, named = error["type"], f"[{'.'.join([*keys[:-1], 'NAME'])}]"
+    if kind == "dict_type" and named in _homes(keys[-1], root):
+        return f"; {keys[-1]} belongs to {named}"
+    if kind == "less_than_equal":
+        return f", {error['ctx']['le']} at most"
+    if kind == "greater_than_equal" and keys == ["stability", "threshold"]:
+        return "; 0.01 counts modes with a damping below -0.01"
+    if kind == "missing" and len(keys) == 3 and keys[0] in NAMED:
+        others = ", ".join(name for name in table[keys[0]] if name != keys[1])
+        return f" ({keys[0]} there are beside {keys[1]}: {others})" if others else ""
+    return ""
+
+
 def _line(error: Any, table: Any, root: Any) -> str:
     """Key, value and remedy of a mistake that pydantic found in the table of a dataclass."""
     cause = error.get("ctx", {}).get("error")
@@ -396,11 +413,7 @@ def _line(error: Any, table: Any, root: Any) -> str:
     keys = [k for k in error["loc"] if isinstance(k, str) and not re.fullmatch(r"\(.*\)", k)]
     keys += getattr(cause, "keys", ())
     text = str(cause) if cause else TEXTS.get(error["type"], error["msg"])
-    named = f"[{'.'.join([*keys[:-1], 'NAME'])}]"
-    if error["type"] == "dict_type" and named in _homes(keys[-1], root):
-        text += f"; {keys[-1]} belongs to {named}"
-    if error["type"] == "less_than_equal":
-        text += f", {error['ctx']['le']} at most"
+    text += _remedy(error, keys, table, root)
     if isinstance(cause, UnknownKey):
         text = absent(keys[-1]) or text + _hint(keys[-1], cause.names, root)
     value = table

@@ -126,8 +126,9 @@ def _matched(one: RunData, two: RunData, approach: str) -> list[tuple[Side, Side
         pairs = same_families(X, f, Y, g)
     rows: list[tuple[Side, Side, float | None]] = [(a[i], b[j], mac) for i, j, mac in pairs]
     silent = [Side(None, np.zeros(run.squeal.good(approach).size, bool)) for run in runs]
-    rows += [(s, silent[1], None) for i, s in enumerate(a) if i not in {p[0] for p in pairs}]
-    rows += [(silent[0], s, None) for j, s in enumerate(b) if j not in {p[1] for p in pairs}]
+    of_one, of_two, _ = zip(*pairs, strict=True) if pairs else ((), (), ())
+    rows += [(s, silent[1], None) for i, s in enumerate(a) if i not in of_one]
+    rows += [(silent[0], s, None) for j, s in enumerate(b) if j not in of_two]
     return sorted(rows, key=lambda row: row[0].frequency or row[1].frequency or 0.0)
 
 
