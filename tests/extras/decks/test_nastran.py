@@ -211,6 +211,15 @@ def test_elements_of_workbench(tmp_path):
         drafted(tmp_path, archive(more=more.format(1)), "solids.cdb")
 
 
+@pytest.mark.parametrize("block", ["NBLOCK", "EBLOCK"])
+def test_an_archive_that_is_cut_off(block, tmp_path):
+    """Refused; mapdl-archive 0.4.2 reads the nodes and elements up to there, and says nothing."""
+    before, found, after = archive().partition(block)
+    rows = after.splitlines(keepends=True)[:5]
+    with pytest.raises(SceneError, match=f"ends within its {block}: it is cut off"):
+        drafted(tmp_path, before + found + "".join(rows), "sector.cdb")
+
+
 def test_an_unknown_type_is_no_solid(tmp_path):
     with pytest.raises(SceneError, match="no tetrahedra or hexahedra"):
         drafted(tmp_path, archive("ET,2,173"), "sector.cdb")
