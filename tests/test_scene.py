@@ -44,7 +44,7 @@ def test_values_written_back_keep_their_units(tmp_path):
         ("stability", "band"): (0.0, 14e3), ("stability", "damping", "rayleigh"): (12.0, 2e-7),
         ("samples", "random", 'loads."block.top".pressure', "mean"): 4.4e5,
     }  # fmt: skip
-    file.write_text(with_values(file, values))
+    file.write_text(with_values(read_scene(file), values))
     scene = read_scene(file)
     found = {keys: value for keys, _, value in walk(scene) if keys in values}
     found["parts", "block", "length"] = scene.parts["block"].parameters.length

@@ -15,7 +15,7 @@ from brake_fenicsx.errors import SceneError, located
 from brake_fenicsx.folder.files import whole_file
 
 from .keys import walk
-from .read import read_scene, toml_text
+from .read import toml_text
 from .scalars import SPEED, si_unit
 from .scene import Scene
 from .units import in_unit_of
@@ -25,18 +25,17 @@ BOM, MARK = "\ufeff", "\ufffd"
 VALUE = r"""("[^"\n]*"|'[^'\n]*'|\[[^\[\]]*\]|[-+\w.]+)"""
 
 
-def with_values(file: Path, values: Mapping[tuple[str, ...], Any]) -> str:
+def with_values(scene: Scene, values: Mapping[tuple[str, ...], Any]) -> str:
     """Text of a scene's file with other values of some keys.
 
     Args:
-        file: the file.
+        scene: the scene.
         values: names of the tables and of the key -> value, SI.
 
     Raises:
         SceneError: the file does not write one of them.
     """
-    scene = read_scene(file)
-    units = _units(scene)
+    file, units = scene.file, _units(scene)
     text = file.read_bytes().decode("utf-8")
     begin = BOM if text.startswith(BOM) else ""
     text = text.removeprefix(BOM)

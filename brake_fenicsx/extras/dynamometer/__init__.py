@@ -1,9 +1,8 @@
 """Dynamometer: states of a brake, how often each squeals, and beside it the stops that squealed."""
 
-from pathlib import Path
 from typing import Any
 
-from brake_fenicsx.commands import DIRECTORY, argument, command
+from brake_fenicsx.commands import ALLOW, DIRECTORY, argument, command
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extra
 
@@ -30,12 +29,13 @@ SAID = "{approach}: {threshold:.4g} (95 %: {threshold_low:.4g} to {threshold_hig
 HELP = "put it into this scene as stability.threshold"
 
 
-@command(DIRECTORY, argument("--write", metavar="SCENE.toml", help=HELP), alone=True)
+@command(DIRECTORY, argument("--write", metavar="SCENE.toml", help=HELP), ALLOW, alone=True)
 def threshold(options: Any, comm: Any) -> str:
     """Print the threshold of damping that fits the measured stops of [states] best."""
     import pandas as pd
 
     from brake_fenicsx.results.run import read_run
+    from brake_fenicsx.scene import read_scene
     from brake_fenicsx.scene.written_back import with_values, write_text
 
     known = read_run(options.directory).extras.get("states_scores", {"threshold": []})
@@ -44,6 +44,6 @@ def threshold(options: Any, comm: Any) -> str:
         remedy = "name states.events, some stops with squeal and some without"
         raise SceneError(f"{options.directory}: tells no threshold; {remedy}")
     if options.write:
-        file, best = Path(options.write), rows[-1]["threshold"]
-        write_text(file, with_values(file, {("stability", "threshold"): best}))
+        scene, best = read_scene(options.write, options.set or ()), rows[-1]["threshold"]
+        write_text(scene.file, with_values(scene, {("stability", "threshold"): best}))
     return "\n".join(SAID.format(**row).rstrip() for row in rows)

@@ -304,7 +304,7 @@ def with_constants(scene: Scene, material: str, values: Mapping[str, float]) -> 
         SceneError: the file does not write one of them.
     """
     keys = _keys(scene.materials[material], values)
-    return with_values(scene.file, {("materials", material, key): v for key, v in keys.items()})
+    return with_values(scene, {("materials", material, key): v for key, v in keys.items()})
 
 
 def _keys(table: MaterialTable, values: Mapping[str, float]) -> dict[str, Any]:
