@@ -36,7 +36,8 @@ def prepared(ratio, k=0, changes=()):
     return model.study, sample, eq, modes, int(np.argmax(modes.s.real))
 
 
-def followed(study, sample, eq, modes, mode, harmonics, points):
+def followed(given, harmonics, points):
+    study, sample, eq, modes, mode = given
     cycles = study.beside["limit cycles"].sample(sample, eq)
     problem = cycles.problem(harmonics, points)
     return cycles.branch(problem, modes.s[mode], modes.right[:, mode], 20e-6)
@@ -53,7 +54,7 @@ def stepped(study, sample, eq, amplitude):
 def table():
     given = prepared(0.01)
     study, sample, eq, modes, _ = given
-    exact = followed(*given, 25, 256).cycles[0].at
+    exact = followed(given, 25, 256).cycles[0].at
     start = time.perf_counter()
     judged = stepped(study, sample, eq, exact.amplitude)
     seconds = time.perf_counter() - start
@@ -61,7 +62,7 @@ def table():
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for harmonics, points in ((1, 16), (3, 24), (5, 32), (7, 48), (9, 64), (13, 96)):
         start = time.perf_counter()
-        at = followed(*given, harmonics, points).cycles[0].at
+        at = followed(given, harmonics, points).cycles[0].at
         errors = at.amplitude / exact.amplitude - 1, at.amplitude / judged[0] - 1
         print(
             f"| {harmonics} | {points} | {1e6 * at.amplitude:.4f} | {errors[0]:+.1e} |"
@@ -85,7 +86,7 @@ def branches():
                 given = prepared(share * growing.real / growing.imag**2 * OMEGA, k, changes)
                 for harmonics, points in ((5, 32), (9, 64)):
                     start = time.process_time()
-                    branch = followed(*given, harmonics, points)
+                    branch = followed(given, harmonics, points)
                     seconds = time.process_time() - start
                     ended = len(branch.cycles) > 0, branch.end == "stable"
                     rows.append((*ended, len(branch.points), seconds))
@@ -111,7 +112,7 @@ def cost():
                 eq, modes = study.solved(TASK, {})
                 linear.append(time.process_time() - start)
             start, mode = time.process_time(), int(np.argmax(modes.s.real))
-            branch = followed(study, sample, eq, modes, mode, 5, 32)
+            branch = followed((study, sample, eq, modes, mode), 5, 32)
             seconds, modes = time.process_time() - start, np.median(linear)
             print(
                 f"| {scene} | {beta:g} | {study.brake.w.size} | {len(branch.points)} |"
@@ -127,7 +128,8 @@ def figure(path):
         axis = axes[0, 0]
         for colour, ratio in zip(CYCLE, (0.01, 0.015, 0.02), strict=False):
             given = prepared(ratio)
-            branch = followed(*given, 9, 64)
+            study, sample, eq, *_ = given
+            branch = followed(given, 9, 64)
             a = 1e6 * np.r_[branch.amplitude, [cycle.at.amplitude for cycle in branch.cycles]]
             alpha = np.r_[np.real(branch.s), np.zeros(len(branch.cycles))]
             order = np.argsort(a)
@@ -135,7 +137,7 @@ def figure(path):
             axis.plot(a[order], alpha[order], color=colour, label=label)
             for cycle in branch.cycles:
                 axis.plot(1e6 * cycle.at.amplitude, 0, "o", color=colour)
-                judged = stepped(*given[:3], 0.1 * cycle.at.amplitude)
+                judged = stepped(study, sample, eq, 0.1 * cycle.at.amplitude)
                 axis.plot(1e6 * judged[0], 0, "x", color="black", ms=8)
         axis.axhline(0.0, color=GREY, lw=0.8)
         axis.set_xlabel("amplitude of the gap, rms of patches [um]")

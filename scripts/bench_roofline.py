@@ -177,16 +177,17 @@ def main() -> None:
         f"dgemm {dgemm / 1e9:.0f} Gflop/s, LU {lu / 1e9:.0f} Gflop/s, copy {copying / 1e9:.1f} GB/s"
     )
     count_factors(), count_transforms(), count_samples()
-    from brake_fenicsx import prepare, stages
+    from brake_fenicsx import prepare
+    from brake_fenicsx.stages import Run
 
-    runs: list[stages.Run] = []
-    create = stages.Run.__init__
+    runs: list[Run] = []
+    create = Run.__init__
 
-    def init(self: stages.Run, *values: Any, **more: Any) -> None:
+    def init(self: Run, *values: Any, **more: Any) -> None:
         create(self, *values, **more)
         runs.append(self)
 
-    stages.Run.__init__ = init  # type: ignore[method-assign]
+    Run.__init__ = init  # type: ignore[method-assign]
     rough = ["samples.approaches=['multi-scale']", "stability.verify=0"]
     model = prepare(args.scene, [*rough, *args.set])
     stages.update(runs[0].seconds)

@@ -145,9 +145,9 @@ def spectra(surfaces: int = 8) -> None:
         rng = np.random.default_rng(seed)
         h = synthesise(PAPER.bifractal, PAPER.hdf, (512, 512), (3.6e-3, 3.6e-3), rng).heights
         scan = make_topography(h[:256, :256], (1.8e-3, 1.8e-3))
-        stats = [characterise(scan, spectrum=kind) for kind in KINDS]
-        q = np.geomspace(*stats[0].bifractal.band, 100)
-        known.append([np.log(s.spectrum(q) / PAPER.bifractal(q, "flat")) for s in stats])
+        both = [characterise(scan, spectrum=kind) for kind in KINDS]
+        q = np.geomspace(*both[0].bifractal.band, 100)
+        known.append([np.log(s.spectrum(q) / PAPER.bifractal(q, "flat")) for s in both])
     fit, measured = np.exp(np.sqrt(np.mean(np.square(known), axis=(0, 2))))
     print(f"known truth, rms factor over the band: fit {fit:.2f}, measured {measured:.2f}")
 

@@ -8,6 +8,7 @@ developer guide is made of this; `--all` adds the reference brake to the demo.
 """
 
 import sys
+from functools import partial
 from pathlib import Path
 from unittest import mock
 
@@ -54,14 +55,16 @@ def main(words: list[str]) -> None:
     """Print the table."""
     from random_scenes import random_scene, with_band
 
+    def of_seed(seed):
+        return prepare(with_band(random_scene(seed), seed))
+
     one = ["samples.n=1", "micro.laws=2", "stability.verify=0"]
     given = {"demo": lambda: prepare(SCENES / "disc_brake_demo.toml", one)}
     if "--all" in words:
         given["reference brake"] = lambda: prepare(SCENES / "disc_brake.toml", one)
     for word in words:
         if word.isdigit():
-            seed = int(word)
-            given[f"random {seed}"] = lambda seed=seed: prepare(with_band(random_scene(seed), seed))
+            given[f"random {word}"] = partial(of_seed, int(word))
     print("| " + " | ".join(HEADS) + " |\n|" + " --- |" * len(HEADS))
     for name, make in given.items():
         try:

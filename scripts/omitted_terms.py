@@ -132,7 +132,7 @@ def sizes(scene: Any, brake: Brake, data: Any) -> None:
     """Table of one sample."""
     c, free = brake.contact, brake.elastic.free
     p, k, mu = (data[n] for n in ("p", "k_vibration", "mu"))
-    K, M, f = brake.K, brake.M, brake.elastic.f
+    K, M, f = brake.K, brake.M, brake.f
     # Springs on open elements as well, taken off again on the right: the gaps are known.
     springs = c.w * (k + 1e9)
     push = c.N.T @ (c.w * p + springs * (data["g"] - c.g0)) + c.T.T @ (c.w * mu * p)

@@ -185,6 +185,7 @@ def complex_modes(quick: bool) -> Iterator[Point]:
         more = reduction.damped_by(kind)
         scene = read_scene(SCENES / "disc_brake_demo.toml", [*changes, *more])
         full = None
+        cases: list[tuple[str, float, float | None]]
         cases = [("tolerance", t, None) for t in (1e-5, 1e-3, 1e-7)]
         cases += [("kept modes", 1e-5, c) for c in (1.2, 1.4)] if kind == "undamped" else []
         for curve, tolerance, reach in cases:

@@ -8,7 +8,7 @@ stiffness of small vibrations, which the modes read, is interpolated by itself (
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
@@ -64,6 +64,10 @@ class Laws(Protocol):
 
     def __len__(self) -> int:
         """Number of laws."""
+
+    def __iter__(self) -> Iterator[ComputedLaw]:
+        """The laws, one after the other."""
+        return map(self.__getitem__, range(len(self)))
 
     def first_touch(self, index: Index) -> Array:
         """Separations [m] at which the pressures become zero, shape of ``index``."""
@@ -152,6 +156,10 @@ class LawLibrary:
         if not -len(self) <= i < len(self):
             raise IndexError(f"law {i} of a library of {len(self)}")
         return ComputedLaw(self, i % len(self))
+
+    def __iter__(self) -> Iterator[ComputedLaw]:
+        """The laws, one after the other."""
+        return map(self.__getitem__, range(len(self)))
 
     def first_touch(self, index: Index) -> Array:
         """Separations [m] at which the pressures become zero, shape of ``index``."""
