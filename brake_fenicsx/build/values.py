@@ -29,6 +29,7 @@ from brake_fenicsx.macro.material import Material
 from brake_fenicsx.scene import Distribution, Scene
 from brake_fenicsx.scene.samples_section import Range, below_least, is_constant, split_key, unit_of
 from brake_fenicsx.scene.scalars import SPEED, changes_bodies, is_inertia, is_length
+from brake_fenicsx.scene.units import quantity_text
 
 from .material_table import by_material, nominal_value, stiffness, varied_stiffness
 
@@ -238,7 +239,7 @@ def _definite(box: Box, x: Array) -> dict[str, Array]:
     for name, C in found.items():
         if not la.eigvalsh(C)[0] > 0:
             own = (n for n in box.names if split_key(n)[1] == name)
-            values = ", ".join(f"{n} = {box.values(x)[n]:.3g} {unit_of(n)}" for n in own)
+            values = ", ".join(f"{n} = {_text(n, box.values(x)[n])}" for n in own)
             raise InaccurateResult(f"""materials.{name} is not positive definite everywhere in the
                 range of its values, with {values} for example; narrow the range""")
     return found
@@ -273,9 +274,14 @@ def _spanning(scene: Scene, name: str) -> list[float]:
     possible = least >= 0 if name.endswith(".mass") else least > 0
     if not possible and (is_length(name) or is_inertia(name) or _is_modulus(name)):
         where = 'samples.random."{}"' if law is not None else 'sweep.parameters."{}"'
-        raise SceneError(f"""{where.format(name)}: the law reaches {least:.3g} {unit_of(name)} with
-            a probability of {TAIL:g}; write a positive min, or a smaller sd""")
+        raise SceneError(f"""{where.format(name)}: the law reaches {_text(name, least)} with a
+            probability of {TAIL:g}; write a positive min, or a smaller sd""")
     return values
+
+
+def _text(name: str, value: float) -> str:
+    """Three digits of a scalar, in its usual unit."""
+    return quantity_text(float(f"{value:.3g}"), unit_of(name))
 
 
 def _scaled(name: str, value: float) -> float:

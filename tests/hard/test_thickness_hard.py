@@ -160,5 +160,5 @@ def test_a_law_that_reaches_a_thickness_of_zero():
     """A normal law whose lower tail has no body: rejected before anything is reduced."""
     law = "{ law='normal', mean='20 mm', sd='10 mm' }"
     many = "stages=['equilibrium','stability','uncertainty']"
-    with pytest.raises(SceneError, match=r"the law reaches -0\.0109 m .*write a positive min"):
+    with pytest.raises(SceneError, match=r"the law reaches -10\.9 mm .*write a positive min"):
         model.prepare(BLOCK, [*COARSE, many, f'samples.random."{HEIGHT}"={law}'])
