@@ -146,7 +146,8 @@ def _mark_events(
     for kind, marker, colour in ((MERGING, "o", style.BLACK), (SPLITTING, "s", "white")):
         own = events[events.kind == kind]
         if len(own):
-            top.scatter(own.value, own.frequency_hz / 1e3, 13, colour, marker, label=kind, **looks)
+            look = {"s": 13, "c": colour, "marker": marker, "label": kind} | looks
+            top.scatter(own.value, own.frequency_hz / 1e3, **look)
     if top.get_legend_handles_labels()[0]:
         top.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=3, fontsize=7)
     for kind in (ONSET, END):
