@@ -65,10 +65,6 @@ class Laws(Protocol):
     def __len__(self) -> int:
         """Number of laws."""
 
-    def __iter__(self) -> Iterator[ComputedLaw]:
-        """The laws, one after the other."""
-        return map(self.__getitem__, range(len(self)))
-
     def first_touch(self, index: Index) -> Array:
         """Separations [m] at which the pressures become zero, shape of ``index``."""
 

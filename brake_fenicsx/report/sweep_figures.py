@@ -146,8 +146,8 @@ def _mark_events(
     for kind, marker, colour in ((MERGING, "o", style.BLACK), (SPLITTING, "s", "white")):
         own = events[events.kind == kind]
         if len(own):
-            look = {"s": 13, "c": colour, "marker": marker, "label": kind} | looks
-            top.scatter(own.value, own.frequency_hz / 1e3, **look)
+            more = {"s": 13, "c": colour, "marker": marker, "label": kind}
+            top.scatter(own.value, own.frequency_hz / 1e3, **looks | more)
     if top.get_legend_handles_labels()[0]:
         top.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=3, fontsize=7)
     for kind in (ONSET, END):
