@@ -300,7 +300,8 @@ LUMPED = "*ELEMENT, TYPE=MASS, ELSET=L\n9999, 999\n*MASS, ELSET=L\n1e-5\n"
 
 def test_reference_nodes_away_from_their_faces(drafted):
     """10 mm above the middle of BACK: 7 N along x are 0.07 N m about y too, beside the 0.02 N m of
-    the deck, as the reactions of CalculiX 2.20 are. A face that is rigid in the deck is named."""
+    the deck, as the reactions of CalculiX 2.20 are. A face that is rigid in the deck is named, also
+    where nothing acts on it, and not where it is clamped."""
     force = STEP.format("*CLOAD\n999, 1, 7.\n999, 5, 20.\n")
     for kind, said in (("*DISTRIBUTING\n", []), ("*KINEMATIC\n1, 3\n", ["BACK is not rigid"])):
         scene, lost = drafted(before=AWAY + kind, pressed=force)
@@ -310,6 +311,8 @@ def test_reference_nodes_away_from_their_faces(drafted):
         assert [word in line for word, line in zip(said, lost, strict=True)] == [True] * len(said)
     _, (line,) = drafted(before=AWAY + "*DISTRIBUTING\n" + LUMPED)
     assert "its node is away from the middle of block." in line
+    _, (line,) = drafted(before=REF + "*RIGID BODY, REF NODE=REF, NSET=TOP\n")
+    assert "TOP is not rigid" in line
 
 
 def test_held_reference_nodes(drafted):
@@ -442,10 +445,10 @@ PLACES = {
     "CONTACT INCLUSIONS": ("pair", "*CONTACT\n*CONTACT INCLUSIONS{}\nPAD, DISC\n"),
     "CONTACT EXCLUSIONS": ("before", "*CONTACT EXCLUSIONS{}\nPAD, BACK\n"),
     "CONTACT PROPERTY ASSIGNMENT": ("pair", "*CONTACT PROPERTY ASSIGNMENT{}\nPAD, DISC, RUBS\n"),
-    "COUPLING": ("before", REF + "*COUPLING, REF NODE=REF, SURFACE=PAD{}\n*KINEMATIC\n"),
-    "KINEMATIC": ("before", COUPLED.replace("BACK", "PAD") + "*KINEMATIC{}\n1, 6\n"),
+    "COUPLING": ("before", REF + "*COUPLING, REF NODE=REF, SURFACE=PAD{}\n*DISTRIBUTING\n"),
+    "KINEMATIC": ("before", COUPLED.replace("BACK", "BOTTOM") + "*KINEMATIC{}\n1, 6\n"),
     "DISTRIBUTING": ("before", COUPLED + "*DISTRIBUTING{}\n"),
-    "RIGID BODY": ("before", REF + "*RIGID BODY, REF NODE=REF, NSET=TOP{}\n"),
+    "RIGID BODY": ("before", REF + "*RIGID BODY, REF NODE=REF, NSET=BOTTOM{}\n"),
     "MATERIAL": ("before", "*MATERIAL, NAME=OTHER{}\n"),
     "ELASTIC": ("before", "*MATERIAL, NAME=OTHER\n*ELASTIC{}\n100., 0.3\n"),
     "DENSITY": ("before", "*MATERIAL, NAME=OTHER\n*DENSITY{}\n3e-9\n"),

@@ -184,13 +184,9 @@ def _coupled_motion(deck: Deck, block: DeckKeyword) -> str | None:
 
 
 def _say_rigid(deck: Deck) -> None:
-    """Faces that are rigid in the deck, and that something acts on."""
-    tables = [deck.tables[section] for section in ("loads", "springs", "masses")]
-    used = {
-        face for own in tables for name, keys in own.items() for face in keys.get("faces", [name])
-    }
+    """Faces that are rigid in the deck, which stiffens them unless they are clamped."""
     for face, block in deck.rigid.items():
-        if face in used:
+        if deck.tables["supports"].get(face, {}).get("along") != "xyz":
             deck.unread.append((block, f"{face} is not rigid: give it a layer of stiff material"))
 
 
