@@ -207,7 +207,19 @@ def _boundary(deck: Deck, block: DeckKeyword) -> str | None:
             along = {held_along([c]) for c in components} - {"r"}
             along |= {*deck.tables["supports"].get(group, {}).get("along", "")}
             deck.add("supports", group, along="".join(sorted(along)))
+    if any(_hinged(deck, word, components) for word, components in held.items()):
+        why = "shells that are held here may turn; their layers, held through the thickness, do not"
+        deck.unread.append((block, why))
     return said
+
+
+def _hinged(deck: Deck, word: str, components: set[str]) -> bool:
+    """Whether shells are held along an axis, but may turn about one of the two others."""
+    turns = {str(3 + k) for c in {*"123"} & components for k in (1, 2, 3) if k != int(c)}
+    if not deck.shells or turns <= components or "." in word:
+        return False
+    shells = {n for own in deck.mesh.shells.values() for n in own.flat}
+    return bool({*deck.nodes(word)} & shells - {*deck.mesh.cells.flat})
 
 
 def _pressure(deck: Deck, block: DeckKeyword) -> str | None:
