@@ -121,6 +121,8 @@ def test_edges_that_may_turn(held, turns, tmp_path):
     scene, _, lines = made(tmp_path, text + f"*BOUNDARY\nEDGE, {held}\n")
     assert scene.supports["shim.edge"] == (("x",) if held == "XSYMM" else ("x", "y", "z"))
     assert ("shells that are held here may turn" in lines) == turns
+    _, _, lines = made(tmp_path, text + f"*BOUNDARY\n1, {held}\n2, {held}\n3, {held}\n")
+    assert ("shells that are held here may turn" in lines) == turns
 
 
 @pytest.mark.parametrize(
