@@ -1,7 +1,5 @@
 """Braking equilibrium of an assembled brake: laws and critical gaps in, displacements out."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

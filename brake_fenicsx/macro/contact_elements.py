@@ -12,8 +12,6 @@ share of the area around the node. It does not pass a uniform pressure exactly.
 n points from disc to pad, a positive gap is open, and slip is pad minus disc.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -6,8 +6,6 @@ with q = p + k0 (g - g0):  u = K0^-1 (f + N'W q + mu T'W p), so that g alone is 
 step in g is the step of the full system.
 """
 
-from __future__ import annotations
-
 import time
 import warnings
 from dataclasses import dataclass, replace

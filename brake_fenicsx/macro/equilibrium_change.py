@@ -10,8 +10,6 @@ equilibrium under corrected loads, again and again. Nothing is factored. It cont
 the equilibrium of the changed bodies itself.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 

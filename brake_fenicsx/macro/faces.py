@@ -11,8 +11,6 @@ quadrilateral. A triangle's edge a lies opposite to corner a, a quadrilateral's 
 Reference coordinates (x, y): corners (0,0), (1,0), (0,1) or (0,0), (1,0), (1,1), (0,1).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

@@ -3,8 +3,6 @@
 Or, node to surface: every node of the first face against its projection on the second.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

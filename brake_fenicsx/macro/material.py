@@ -4,8 +4,6 @@ Voigt order 11, 22, 33, 23, 13, 12, with engineering shear strains; axes 1, 2, 3
 own: for a pad 1 tangential at mid pad, 2 radial, 3 = z (the disc axis).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

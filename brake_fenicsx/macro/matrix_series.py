@@ -7,8 +7,6 @@ measured between the points, and products that matter for no entry are left out:
 in no entry cost no more than each by itself.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import product
 

@@ -9,8 +9,6 @@ r from the centroid; both are exact where the face moves rigidly. One row each i
 face of several bodies, such as that of two pads, has a mean motion on each of them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

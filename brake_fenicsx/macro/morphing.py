@@ -11,8 +11,6 @@ all of these lie i pi away from the axis of u or farther, so that a Chebyshev se
 reaches the round-off of factors (``matrix_series``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ t = p(g). The residual of the full system is (N + mu T)'W (t - p(g)): the line s
 stopping rule need no solve.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

@@ -8,8 +8,6 @@ and the borders of the parts follow the chords.
 Common part of pairs of triangles in a plane, in batches (Sutherland-Hodgman clipping).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -173,7 +171,7 @@ class Overlap:
     n: Array
     gap: Array
 
-    def rows(self, chosen: Ints) -> Overlap:
+    def rows(self, chosen: Ints) -> "Overlap":
         """Some of the pairs."""
         return Overlap(*(getattr(self, f.name)[chosen] for f in fields(self)))
 

@@ -1,7 +1,5 @@
 """Normal search: where the ray along a normal meets a face, exact for facets of degree two."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from brake_fenicsx.arguments import Array, Ints

@@ -4,8 +4,6 @@ The disc's material enters beneath the pad at the leading edge and leaves at the
 sliding direction s, the disc's velocity relative to the pad, points from the first to the second.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

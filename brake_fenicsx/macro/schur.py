@@ -10,8 +10,6 @@ functions of PETSc: they are called in the library that petsc4py is linked with.
 them, blocks of solves give the same.
 """
 
-from __future__ import annotations
-
 import brake_fenicsx.petsc_started  # noqa: F401
 
 # isort: split

@@ -12,8 +12,6 @@ pressure, t = mu and r = 0 in the equilibrium. Their tangent is -w k (1, t, r) t
 across the sliding direction. Equilibrium, small vibrations and limit cycles take them from here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Factorisation (MUMPS) with solves in blocks: a single solve is bound by memory."""
 
-from __future__ import annotations
-
 import brake_fenicsx.petsc_started  # noqa: F401
 
 # isort: split

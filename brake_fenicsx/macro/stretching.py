@@ -8,8 +8,6 @@ its volume. Strains are linear in derivatives, so that with any quadrature, to r
 What lies on a stretched layer is shifted along z, which changes neither.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass

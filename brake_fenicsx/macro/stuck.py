@@ -9,8 +9,6 @@ in the equilibrium and in the modes, whether the element is open or not and howe
 the state at equilibrium says where that is wrong, |k_t slip| > mu p (Coulomb) or p = 0.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,7 +40,7 @@ class Stuck:
         springs = sp.diags(self.contact.w * self.stiffness)
         return sum(A.T.tocsr() @ springs @ A for A in (self.T, self.R)).tocsr()
 
-    def state(self, u: Array, p: Array, limit: float | None = None) -> StuckState:
+    def state(self, u: Array, p: Array, limit: float | None = None) -> "StuckState":
         """What the faces do at an equilibrium.
 
         Args:

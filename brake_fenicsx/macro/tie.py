@@ -14,8 +14,6 @@ of both bodies strains the layer, curved faces or faces with a gap included. (Fo
 sum is 2 omega less its part in the surface.)
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise

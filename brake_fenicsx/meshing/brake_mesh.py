@@ -3,8 +3,6 @@
 All bodies live in one mesh, as components that share no node; layers of one part share faces.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """What a mesh file holds, before its groups become parts and faces."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Groups of a mesh file to parts, layers and faces; bodies that share nodes are split."""
 
-from __future__ import annotations
-
 import difflib
 import logging
 from collections.abc import Iterable, Mapping

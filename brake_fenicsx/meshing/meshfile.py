@@ -4,8 +4,6 @@ Meshio reads no .cdb, of an .inp neither surfaces nor two element blocks of one 
 neither coordinate systems nor included files.
 """
 
-from __future__ import annotations
-
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from itertools import chain

@@ -3,8 +3,6 @@
 Each name is imported on use: laws that a formula gives need no surface.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

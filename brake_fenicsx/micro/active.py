@@ -10,8 +10,6 @@ doi:10.1016/j.ijsolstr.2015.06.005 (active sets for rough contact); J. J. Judice
 Comput. Oper. Res. 21 (1994) 587, doi:10.1016/0305-0548(94)90106-6 (block pivoting).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

@@ -8,8 +8,6 @@ with the bulk.
 References: ISO 6310 and SAE J2468 (compressibility of brake linings).
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from pathlib import Path

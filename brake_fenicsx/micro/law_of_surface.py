@@ -20,8 +20,6 @@ Reference: W. S. Cleveland, J. Am. Stat. Assoc. 74 (1979) 829, doi:10.1080/01621
 (local regression).
 """
 
-from __future__ import annotations
-
 import logging
 from math import ceil
 from typing import Any

@@ -1,7 +1,5 @@
 """Libraries of laws: many surfaces of one kind, and their files."""
 
-from __future__ import annotations
-
 import json
 import logging
 from dataclasses import asdict, dataclass

@@ -7,8 +7,6 @@ With a hardness the pressure of a pixel goes no further: it yields, and what the
 of it is plastic penetration (perfect plasticity of each pixel; the loading only rises).
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from typing import Literal

@@ -13,8 +13,6 @@ A. Almqvist, F. Sahlin, R. Larsson, S. Glavatskih, Tribology International 40 (2
 doi:10.1016/j.triboint.2005.11.008.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

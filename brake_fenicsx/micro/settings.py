@@ -1,7 +1,5 @@
 """How a rough surface is pressed to get its law, and the composite modulus of the lining."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -7,8 +7,6 @@ stiffness is that of the library, in which the scatter of patches has gone down 
 The scatter of scans alone shows in patches that are made of the same random numbers for every scan.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -6,8 +6,6 @@ many pixels it is smooth: wide steps with conjugate gradients. These also help o
 set does not settle or a plateau touches at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -6,8 +6,6 @@ imaginary part, or as a series over one period. Files with steps need ParaView 5
 Reference: VTK File Formats, "VTKHDF File Format", https://docs.vtk.org/en/latest/vtk_file_formats.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Arrays behind the surface and contact figures, from the stages' own results."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import fields
 from pathlib import Path

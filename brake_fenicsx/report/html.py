@@ -4,8 +4,6 @@ The first screen is in ``verdict``; the sections for who decides on the brake st
 single parameters and the appendix for specialists in ``sections``.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from brake_fenicsx.extensions import load, shown

@@ -1,7 +1,5 @@
 """Pictures of mode shapes on the page, each with the numbers of its family."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path

@@ -3,8 +3,6 @@
 The nodal diameters of a rotor are the strongest harmonic of its motion at the rim.
 """
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

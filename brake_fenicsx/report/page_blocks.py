@@ -1,7 +1,5 @@
 """What a page is made of, and how it becomes HTML: self-contained, every text escaped."""
 
-from __future__ import annotations
-
 import base64
 import io
 import tomllib
@@ -39,7 +37,7 @@ class Table:
     kind: ClassVar[str] = "table"
 
     @classmethod
-    def without_empty(cls, heads: Sequence[str], rows: Sequence[Sequence[Value]]) -> Table:
+    def without_empty(cls, heads: Sequence[str], rows: Sequence[Sequence[Value]]) -> "Table":
         """A table without the columns that no row has a value for."""
         full = [j for j in range(len(heads)) if any(row[j] not in ("-", "", None) for row in rows)]
         return cls([heads[j] for j in full], [[row[j] for j in full] for row in rows])

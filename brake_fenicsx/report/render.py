@@ -4,8 +4,6 @@ Bodies that lie on each other hide their contact faces; drawn in a row, lowest f
 them. What ties glue together stays together (``bodies``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from math import ceil

@@ -1,7 +1,5 @@
 """Sections of the page on parameters, inputs and forces, and the appendix for specialists."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Surface and contact laws: on the page, on a page of their own, and as tables."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ Families of another run have coordinates in another basis, on another mesh perha
 are places: the displacement of a family at nodes of the mesh, and the body that each belongs to.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
@@ -80,7 +78,7 @@ class Onsets:
         self.planes[real, :, 1] = 0.0
         self.vectors, self.sizes = vectors, 2 - real
 
-    def like(self, own: list[int], others: Onsets, inside: bool = False) -> Array:
+    def like(self, own: list[int], others: "Onsets", inside: bool = False) -> Array:
         """Likeness of some of these modes with all others, shape (own, others).
 
         Args:
@@ -146,7 +144,7 @@ class ModeFamilies:
         grown: the first growing member of the families that have one, by number.
     """
 
-    def __init__(self, known: ModeFamilies | None = None):
+    def __init__(self, known: "ModeFamilies | None" = None):
         """Begin with the families that are known, or with none."""
         self.vectors: list[Complex] = [] if known is None else [*known.vectors]
         self.frequencies: list[float] = [] if known is None else [*known.frequencies]

@@ -1,7 +1,5 @@
 """The end of a run: CSV files, arrays of what the samples do not tell, figures of the summary."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -6,8 +6,6 @@ family of its block, and families of blocks are matched when the tables are writ
 more samples than a block has one pass over them.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -7,8 +7,6 @@ no cost; layers need displacements of both vectors at full order (``stability.de
 are left to the first sample of each approach: the kept modes alone miss how soft layers deform.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

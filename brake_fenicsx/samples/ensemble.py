@@ -1,7 +1,5 @@
 """Many samples over MPI processes: each takes the next one and stores it."""
 
-from __future__ import annotations
-
 import traceback
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -158,7 +156,7 @@ class _Counter:
         self.comm, self.local = comm, -1
         self.window: Any = None
 
-    def __enter__(self) -> _Counter:
+    def __enter__(self) -> "_Counter":
         if self.comm.size > 1:
             unit = MPI.INT64_T.Get_size()
             size = unit if self.comm.rank == 0 else 0

@@ -1,7 +1,5 @@
 """Braking equilibria of samples: on the scene's bodies, or on bodies of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -42,7 +40,7 @@ class Equilibria:
     tolerance: float
 
     @classmethod
-    def of_scene(cls, scene: Scene, models: Models) -> Equilibria:
+    def of_scene(cls, scene: Scene, models: Models) -> "Equilibria":
         """With the load steps and the tolerance that a scene names."""
         steps = max((load.steps for load in scene.loads.values()), default=1)
         return cls(models, steps, scene.equilibrium.tolerance)

@@ -1,7 +1,5 @@
 """Contact of the samples in the summary: forces on the pads, and interfaces whose faces stick."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

@@ -6,8 +6,6 @@ stream, again and again, so that nothing depends on other samples; only in the r
 Saltelli), whose points mean something only all together, it fails with its named error instead.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from brake_fenicsx.arguments import Array

@@ -6,8 +6,6 @@ approach that asks for full order, and what no reduced model takes (too strong d
 that are not positive definite everywhere in their box) go to full order.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

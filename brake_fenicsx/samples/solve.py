@@ -1,7 +1,5 @@
 """Complex modes of one sample, and what is kept of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any

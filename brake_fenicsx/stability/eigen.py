@@ -17,8 +17,6 @@ Two processes may share the work: right and left vectors, the modes without fric
 of the interface, two halves of the proof.
 """
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

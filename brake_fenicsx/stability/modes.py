@@ -7,8 +7,6 @@ kappa gives two rows, +-alpha.
 The rows of a band are chosen among eigenvalues here, rigid modes and divergence included.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal

@@ -9,8 +9,6 @@ conj(phi). Damping moves the two eigenvalues apart and turns the vectors a littl
 is the mode whose shape is nearest to conj(phi), and it is a matter of degree.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -9,8 +9,6 @@ Reference: B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap (1993), 
 doi:10.1201/9780429246593.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What makes the heights of a scan implausible, and where points of it are missing."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.ndimage import label, maximum_filter
 

@@ -8,8 +8,6 @@ Reference: N. L. Johnson, Biometrika 36 (1949) 149, doi:10.1093/biomet/36.1-2.14
 R. Gnanadesikan, Biometrika 55 (1968) 1, doi:10.1093/biomet/55.1.1 (lines over normal quantiles).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache

@@ -8,8 +8,6 @@ The table of formats was seen on files of the instruments with the releases 1.18
 by side. A release outside the range is not installed: the same file would give other numbers.
 """
 
-from __future__ import annotations
-
 import struct
 import zipfile
 from functools import partial

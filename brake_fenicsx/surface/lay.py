@@ -6,8 +6,6 @@ over that of its ring, smoothed: over wave numbers by about a fifth, over angles
 the scan's grid of wave vectors, its resolution, and never by less than a degree.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

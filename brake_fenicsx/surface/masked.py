@@ -9,8 +9,6 @@ Reference: C. Gourieroux, A. Monfort, E. Renault, J. Appl. Econometrics 8 (1993)
 doi:10.1002/jae.3950080507.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any

@@ -6,8 +6,6 @@ with a lateral size 1e9 too large, and readers of TrueMap files disagree by 1e3 
 (the format stores millimetres).
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Statistics of scans as a record, and what makes them unlike those of the surface."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -71,10 +69,10 @@ class SurfaceStatistics:
     outliers: int = 0
     curvature: float = 0.0
     doubts: tuple[str, ...] = ()
-    scans: tuple[SurfaceStatistics, ...] = ()
+    scans: "tuple[SurfaceStatistics, ...]" = ()
 
     @property
-    def each(self) -> tuple[SurfaceStatistics, ...]:
+    def each(self) -> "tuple[SurfaceStatistics, ...]":
         """Statistics of each scan, also of a single one; none where numbers were given."""
         return self.scans or ((self,) if self.topography is not None else ())
 

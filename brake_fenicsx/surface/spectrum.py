@@ -4,8 +4,6 @@ The measured spectrum is the fit times its misfit, which is held beyond the reli
 thus continued alike: as power laws, or constant below the band.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from typing import Any
@@ -61,7 +59,7 @@ class BiFractal:
     errors: tuple[float, float, float, float] = field(default=(np.nan,) * 4, compare=False)
     rms: float = field(default=np.nan, compare=False)
     misfit: tuple[tuple[float, ...], tuple[float, ...]] | None = None
-    form: BiFractal | None = None
+    form: "BiFractal | None" = None
     lay: Lay | None = None
 
     def __call__(self, q: Array, low: str = "extend") -> Array:

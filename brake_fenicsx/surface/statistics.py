@@ -1,7 +1,5 @@
 """From scans to their statistics: what the artificial surfaces have to share with them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

@@ -18,8 +18,6 @@ doi:10.1061/(ASCE)0733-9399(1998)124:2(121); M. D. Shields, G. Deodatis, P. Bocc
 Mech. 26 (2011) 511, doi:10.1016/j.probengmech.2011.04.003 (iteration on the spectrum).
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 from typing import Any

@@ -7,8 +7,6 @@ The delimiters that pandas 2.3 finds are wrong in 5 of 10 such tables: it splits
 a letter of its heading, and takes decimal commas for text.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from functools import partial

@@ -3,8 +3,6 @@
 Every treatment has a name and a count: nothing is masked, filled or rescaled silently.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

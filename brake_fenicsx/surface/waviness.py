@@ -11,8 +11,6 @@ the sum is too low, by 15 % at half of it.
 Reference: E. Vanmarcke, Random Fields (1983), chapter 5 (local averages).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ Releases of SurfaceTopography before 1.27 take the integer types for unsigned an
 offset of the heights, so the format is read here.
 """
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 from xml.etree import ElementTree

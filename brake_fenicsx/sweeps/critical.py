@@ -7,8 +7,6 @@ quantile is that of order statistics, which holds for any distribution (H. A. Da
 Nagaraja, Order Statistics, 2003, section 7.1).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

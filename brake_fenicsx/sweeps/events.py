@@ -9,8 +9,6 @@ functions. With damping d has its zero at a complex value of the parameter, next
 passes; a mode then begins to squeal where its own damping passes the threshold.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 

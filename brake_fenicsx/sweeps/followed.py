@@ -1,7 +1,5 @@
 """Modes followed over a scalar: as an object of Python, and as arrays to store."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
@@ -118,7 +116,7 @@ class StoredLine:
     stopped: str
 
     @classmethod
-    def of(cls, data: Mapping[str, Any]) -> StoredLine:
+    def of(cls, data: Mapping[str, Any]) -> "StoredLine":
         """From what ``line_arrays`` made."""
         arrays = {f.name: data[f.name] for f in fields(cls)}
         return cls(**arrays | {"stopped": str(data["stopped"])})

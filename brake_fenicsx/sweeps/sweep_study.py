@@ -5,8 +5,6 @@ from a quarter of the values, and between them where modes meet, since what is a
 where each family begins to squeal.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

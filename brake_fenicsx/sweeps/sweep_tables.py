@@ -7,8 +7,6 @@ critical.csv        value at which each family begins to squeal, over the sample
 critical_curve.csv  share of samples in which it squeals by each value
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any

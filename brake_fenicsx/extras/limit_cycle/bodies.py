@@ -5,8 +5,6 @@ Beyond the band, and HELD of the way to its nearest pole, it keeps the value it 
 harmonics meet the kept modes, and a local compliance that does not change any more.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -64,7 +62,7 @@ class Bodies:
         other = self.weights(lam)[1]
         return _sum(self.source, other, a) + _sum(self.D, other, F)
 
-    def single(self, lam: Complex) -> Bodies:
+    def single(self, lam: Complex) -> "Bodies":
         """In single precision, without the last terms that are small at lambda, shape (n,)."""
         own, other = self.weights(lam)
         lead, source, D = (_leading(A, other, SMALL) for A in (self.lead, self.source, self.D))

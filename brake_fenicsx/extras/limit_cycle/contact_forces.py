@@ -12,8 +12,6 @@ with the rates that the scene's damping terms name. Without them its direction d
 ``bodies`` takes it as a part of the normal force.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ are ranked by the median of the level where the faces radiate, else by that of t
 disc or of the gap; beside it stands their rank by damping.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from typing import Any

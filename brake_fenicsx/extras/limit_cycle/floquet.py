@@ -14,8 +14,6 @@ is found for it is the error of the others. The memory of a hardness is left out
 elastic.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.linalg as la
 

@@ -7,8 +7,6 @@ where it rises, vibrations beyond it grow: a mode that is linearly stable then g
 Without damping alpha ends at zero, where the mode parts into two that do not grow.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np

@@ -15,8 +15,6 @@ Newton's method solves for a_n, y_n, alpha and omega under a condition on growth
 ``newton_steps`` for its linear systems.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -12,8 +12,6 @@ harmonics (Newton-Krylov: Knoll and Keyes, J. Comput. Phys. 193, 2004,
 doi:10.1016/j.jcp.2003.08.010).
 """
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable
 from typing import Any

@@ -9,8 +9,6 @@ together (Rayleigh's integral). Of velocities v of sources in a baffle at omega 
 baffle, and air passes around its rim: an estimate, too loud at low frequencies.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

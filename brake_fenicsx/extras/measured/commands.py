@@ -1,7 +1,5 @@
 """The commands correlate, identify and export."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from brake_fenicsx.commands import ALLOW, DIRECTORY, SCENE, SET, argument, command, folder_of

@@ -5,8 +5,6 @@ logarithms: the mean of the specimens, and the mean of their covariances plus th
 means (law of total variance).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path

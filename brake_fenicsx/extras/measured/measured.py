@@ -11,8 +11,6 @@ Reference: Structural Dynamics Research Laboratory, University of Cincinnati, Un
 for Modal Analysis Testing, https://www.ceas3.uc.edu/sdrluff/.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Real modes of one body of a scene, and their shapes at points of its surface."""
 
-from __future__ import annotations
-
 import brake_fenicsx.petsc_started  # noqa: F401
 
 # isort: split

@@ -1,7 +1,5 @@
 """Frequencies of resonances, and Q factors where they are given, of one or more specimens."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import dataclass
 from importlib import import_module

@@ -14,8 +14,6 @@ frequencies at the wanted constants agree with those at full order.
 Reference: A. Tarantola, Inverse Problem Theory (2005), doi:10.1137/1.9780898717921, section 3.4.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

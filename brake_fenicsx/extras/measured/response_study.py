@@ -5,8 +5,6 @@ ordinate may be a displacement, velocity or acceleration over a force. A table o
 responses of the model alone.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace

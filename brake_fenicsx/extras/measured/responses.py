@@ -7,8 +7,6 @@ where its residual is largest. That tells the error; where it is too large, the 
 vectors.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ Reference: Structural Dynamics Research Laboratory, University of Cincinnati, Un
 for Modal Analysis Testing, https://www.ceas3.uc.edu/sdrluff/.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

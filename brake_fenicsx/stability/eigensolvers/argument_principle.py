@@ -12,8 +12,6 @@ In kappa = -lambda^2 (undamped) a trapezium, in lambda (damped) a rectangle, bot
 the real axis. Modes are counted in them; an edge that ran through a cluster would split it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -10,8 +10,6 @@ doi:10.1137/1.9781611970739.
 Complex columns in real arithmetic: without complex copies of real matrices or Krylov bases.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

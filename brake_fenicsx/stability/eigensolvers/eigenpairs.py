@@ -6,8 +6,6 @@ without damping kappa = -lambda^2 and K phi = kappa M phi.
 Reference: F. Tisseur, Linear Algebra Appl. 309 (2000) 339, doi:10.1016/S0024-3795(99)00063-4.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -9,8 +9,6 @@ Reference: R. G. Grimes, J. G. Lewis and H. D. Simon, SIAM J. Matrix Anal. Appl.
 doi:10.1137/S0895479888151111.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

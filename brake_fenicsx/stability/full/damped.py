@@ -16,8 +16,6 @@ vectors are the conjugate right ones of the transposed matrices; of symmetric on
 Reference: F. Tisseur and K. Meerbergen, SIAM Review 43 (2001) 235, doi:10.1137/S0036144500381988.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import replace

@@ -4,8 +4,6 @@ Of the shifted inverse, so that the low modes are as exact as they are for large
 where a spring is 1e12 times stiffer than the rest, and a massless dof gives no infinite eigenvalue.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp

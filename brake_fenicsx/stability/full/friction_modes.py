@@ -24,8 +24,6 @@ along the edge; the largest value of the left-hand side is kept with the count. 
 for rough contact. Each further R_j that is known makes it smaller by |kappa'| / limit'.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil
@@ -156,7 +154,7 @@ def _starting_block(Phi: Array) -> Array:
 def _both_sides(
     p: interface.SplitProblem,
     inverse: interface.Inverse,
-    modes: InterfaceModes,
+    modes: "InterfaceModes",
     reach: float,
     start: Array,
     comm: MPI.Comm,

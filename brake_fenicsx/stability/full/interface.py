@@ -10,8 +10,6 @@ right' right themselves. What is behind the interface is reached by solves with 
 ``SplitProblem`` is the undamped problem so taken apart.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from mpi4py import MPI

@@ -8,8 +8,6 @@ Nothing counts these modes.
 Reference: G. W. Stewart, SIAM J. Matrix Anal. Appl. 23 (2002) 601, doi:10.1137/S0895479800371529.
 """
 
-from __future__ import annotations
-
 import brake_fenicsx.petsc_started  # noqa: F401
 from brake_fenicsx.arguments import Complex
 

@@ -15,8 +15,6 @@ of each contact element, along the rows I = [N; T] or [N; T; R]; see ``damping``
 They are J u of the gaps and slip rates u = [g; lambda v_T; lambda v_R].
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -119,7 +117,7 @@ class ContactLinearisation:
     @classmethod
     def of(
         cls, k: ArrayLike, mu: ArrayLike, along: ArrayLike = 0.0, across: ArrayLike = 0.0
-    ) -> ContactLinearisation:
+    ) -> "ContactLinearisation":
         """Check and complete the numbers of one sample.
 
         Args:
@@ -155,7 +153,7 @@ class ContactLinearisation:
             (self.k > 0) | (self.friction != 0) | (self.along != 0) | (self.across != 0)
         )
 
-    def scaled(self, w: Array, elements: Index, omega: float) -> ContactLinearisation:
+    def scaled(self, w: Array, elements: Index, omega: float) -> "ContactLinearisation":
         """Forces of some elements over their motions, in units of the band's end.
 
         Args:

@@ -5,8 +5,6 @@ contact of a typical sample these give the errors of modes as the samples will s
 many exceed the tolerance, the parameters whose highest degree changes the modes most get more.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

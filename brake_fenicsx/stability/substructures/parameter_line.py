@@ -15,8 +15,6 @@ trial space is found, and one that comes in from without shows in the residual o
 with.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -107,7 +105,7 @@ class TrialSpace:
     polynomials: float
 
     @classmethod
-    def of(cls, held: list[Held], b: BlockMatrix, tolerance: float) -> TrialSpace:
+    def of(cls, held: list[Held], b: BlockMatrix, tolerance: float) -> "TrialSpace":
         """Of the vectors of some values."""
         value, U = la.eigh(sum(h.a @ h.a.T for h in held))
         kept = value > KEPT**2 * tolerance * value[-1]

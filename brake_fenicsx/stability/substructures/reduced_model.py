@@ -6,8 +6,6 @@ Offline, each substructure gives its kept modes and polynomials of what they lea
 an inertia count proves the kept modes complete and no pole of what is left out lies in the band.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -100,7 +98,7 @@ class ReducedModel:
         self._kept: tuple[Array, BlockMatrix] | None = None
 
     @staticmethod
-    def offline(*given: Any, **named: Any) -> ReducedModel:
+    def offline(*given: Any, **named: Any) -> "ReducedModel":
         """Reduce the bodies of a brake and take the model; see ``reduce_bodies``."""
         from .offline import reduce_bodies
 

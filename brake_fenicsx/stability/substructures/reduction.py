@@ -1,7 +1,5 @@
 """Offline stage of one substructure: kept modes, projected matrices, values at the anchors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil

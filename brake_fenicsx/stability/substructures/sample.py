@@ -5,8 +5,6 @@ another zero that is not the size of the move: two zeros that merge move by its 
 Perturbation Theory for Linear Operators, 1980, chapter II).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

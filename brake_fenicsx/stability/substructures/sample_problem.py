@@ -20,8 +20,6 @@ coefficients of u are u_m = Lambda_0 y_m + Lambda' y_m-1, and
     (1 + (E_0 - 1) Lambda_0) y_m = source_m - (E_0 - 1) Lambda' y_m-1 - sum_n>0 E_n (w^n u)_m.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -11,8 +11,6 @@ is the mode of the transposed problem, bodies transposed, and forces along the r
 are followed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
