@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.results.run import Arrays, RunData
 from brake_fenicsx.results.tables import Value, write_rows
@@ -305,7 +305,7 @@ def _law_rows(laws: Arrays) -> Iterator[list[Value]]:
             yield [i, j, *(float(array[i, j]) for array in arrays)]
 
 
-def _write_heights(folder: Path, heights: NDArray, size: NDArray) -> list[Path]:
+def _write_heights(folder: Path, heights: AnyArray, size: AnyArray) -> list[Path]:
     """Heights [m], shape (nx, ny), and their size [m], as npz and as text with a row for each x."""
     paths = [folder / f"{HEIGHTS}.npz", folder / f"{HEIGHTS}.csv"]
     for path in paths:

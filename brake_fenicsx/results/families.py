@@ -163,7 +163,7 @@ class ModeFamilies:
         family = np.full(X.shape[1], -1)
         every = dict(enumerate(self.vectors))
         if every:
-            likeness = self._near(every, f) * mac(np.array(self.vectors).T, X)
+            likeness: AnyArray = self._near(every, f) * mac(np.array(self.vectors).T, X)
             grown = self._in_planes(self.grown, X, f, np.flatnonzero(grows))
             # Two families that a growing mode resembles alike: the one that has grown.
             grown[grown < likeness.max(axis=0) - ALIKE] = 0.0

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.arguments import AnyArray
+from brake_fenicsx.arguments import AnyArray, Ints
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.arrays import Arrays
 from brake_fenicsx.folder.sample_files import FOLDER, Task
@@ -168,7 +168,7 @@ class SampleBlock:
         """Names of the arrays of the samples."""
         return [*self._shapes]
 
-    def sizes(self, name: str) -> NDArray[np.int64]:
+    def sizes(self, name: str) -> Ints:
         """Number of values of each sample, shape (samples,)."""
         shapes = self._shapes[name]
         return np.where(shapes[:, 0] < 0, 0, shapes[:, 1:].prod(axis=1, dtype=np.int64))

@@ -7,16 +7,13 @@ harmonics meet the kept modes, and a local compliance that does not change any m
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex
 from brake_fenicsx.stability.substructures import ReducedModel
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # Linear steps leave out terms below these shares of the largest: of matrices, and of ``own``, whose
 # terms cancel near a resonance, as far as single precision tells.
@@ -38,10 +35,10 @@ class Bodies:
             others, each of shape (terms or more, n).
     """
 
-    own: NDArray[Any]
-    lead: NDArray[Any]
-    source: NDArray[Any]
-    D: NDArray[Any]
+    own: AnyArray
+    lead: AnyArray
+    source: AnyArray
+    D: AnyArray
     weights: Callable[[Complex], tuple[Complex, Complex]]
 
     def unbalanced(self, lam: Complex, a: Complex, y: Complex, F: Complex) -> Complex:
@@ -81,18 +78,18 @@ def weighted(terms: Array, weights: Complex) -> Complex:
     return np.tensordot(w.real, terms, 1) + 1j * np.tensordot(w.imag, terms, 1)
 
 
-def times(A: NDArray[Any], x: NDArray[Any]) -> NDArray[Any]:
+def times(A: AnyArray, x: AnyArray) -> AnyArray:
     """A x of a real matrix and complex columns, in the precision of A, without a complex matrix."""
     x = np.ascontiguousarray(x, np.result_type(A, np.complex64))
     return np.asarray((A @ x.view(A.dtype)).view(x.dtype))
 
 
-def _sum(terms: NDArray[Any], weights: Complex, x: Complex) -> Complex:
+def _sum(terms: AnyArray, weights: Complex, x: Complex) -> Complex:
     products = [times(A, w * x) for A, w in zip(terms, weights, strict=False)]
     return np.asarray(sum(products[1:], products[0]), complex)
 
 
-def _leading(terms: NDArray[Any], weights: Complex, share: float) -> NDArray[np.float32]:
+def _leading(terms: AnyArray, weights: Complex, share: float) -> NDArray[np.float32]:
     """Terms up to the last one that is not below a share of the largest."""
     sizes = [la.norm(A) * np.abs(w).max() for A, w in zip(terms, weights, strict=False)]
     last = int(np.flatnonzero(sizes >= share * max(sizes))[-1])

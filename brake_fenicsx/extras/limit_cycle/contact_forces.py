@@ -15,14 +15,12 @@ with the rates that the scene's damping terms name. Without them its direction d
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.macro.sliding_friction import Coefficient, SlidingFriction, patch_forces, sliding
 
 from .harmonic_balance import Tangent
-
-Array = NDArray[np.float64]
 
 # Of the elastic branch under a hardness.
 EXPONENT = 2.0
@@ -46,7 +44,7 @@ class PeriodForces:
     """
 
     laws: EnrichedGap
-    yields: NDArray[np.bool_]
+    yields: Mask
     w: Array
     g: Array
     friction: SlidingFriction
@@ -97,7 +95,7 @@ class PeriodForces:
         return p, k, past
 
 
-def _of(laws: EnrichedGap, chosen: NDArray[np.bool_], times: int) -> EnrichedGap:
+def _of(laws: EnrichedGap, chosen: Mask, times: int) -> EnrichedGap:
     """Laws of some elements at so many times, of gaps of the shape (elements, times)."""
     index = np.repeat(laws.index[chosen, None], times, axis=1)
     return EnrichedGap(laws.laws, index, laws.g_cr[chosen, None])

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Index, Mask
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.equilibrium import Equilibrium
@@ -24,7 +24,7 @@ from brake_fenicsx.scene.approaches import PERFECT
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures import ReducedModel
 
-from .bodies import Array, reduced_bodies
+from .bodies import reduced_bodies
 from .contact_forces import PeriodForces
 from .floquet import UNDECIDED, exponents, verdict
 from .growth import STABLE, UNDAMPED, Cycle, GrowthBranch, follow, time_to_reach
@@ -73,13 +73,13 @@ class SampleCycles:
     model: ReducedModel
     p: Array
     forces: PeriodForces
-    closed: NDArray[np.bool_]
+    closed: Mask
     damped: bool
     faces: tuple[Nodes, Nodes]
     slip: sp.csr_matrix
 
     def branch(
-        self, problem: HarmonicBalance, s: complex, a: NDArray[Any], largest: float
+        self, problem: HarmonicBalance, s: complex, a: AnyArray, largest: float
     ) -> GrowthBranch:
         """Growth of a mode over its amplitude.
 
@@ -215,7 +215,7 @@ class Cycles:
         sample: SampleInput,
         eq: Equilibrium,
         modes: Modes,
-        partner: NDArray[np.intp],
+        partner: Index,
         reduced: bool,
     ) -> dict[str, Any]:
         """Limit cycles of a sample's growing modes; see ``SampleCycles.arrays``.

@@ -17,7 +17,9 @@ elastic.
 import numpy as np
 import scipy.linalg as la
 
-from .bodies import Complex, times
+from brake_fenicsx.arguments import Complex
+
+from .bodies import times
 from .growth import STABLE
 from .harmonic_balance import HarmonicBalance, Vibration
 from .newton_steps import across

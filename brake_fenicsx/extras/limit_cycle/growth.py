@@ -13,9 +13,9 @@ import numpy as np
 import scipy.linalg as la
 from scipy.integrate import trapezoid
 
+from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.errors import NotConverged
 
-from .bodies import Array, Complex
 from .harmonic_balance import Condition, HarmonicBalance, Vibration
 
 # First, largest and smallest step along the branch, relative to the vibration; a vibration found

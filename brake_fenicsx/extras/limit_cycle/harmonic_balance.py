@@ -20,11 +20,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex, Index
 from brake_fenicsx.errors import NotConverged
 
-from .bodies import Array, Bodies, Complex
+from .bodies import Bodies
 from .newton_steps import Factors, Step, changes, newton_step, through
 
 # Newton's iterations at most, and what each must gain with the factors of an earlier vibration;
@@ -52,7 +52,7 @@ class Tangent:
     y: Array
     v: Array | None = None
     past: Array | None = None
-    time: NDArray[np.intp] | None = None
+    time: Index | None = None
 
     def times(self, y: Array, v: Array) -> Array:
         """Change of the forces, shape (acting rows, times)."""

@@ -14,14 +14,14 @@ doi:10.1016/j.jcp.2003.08.010).
 
 import inspect
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, gmres
 
-from .bodies import Array, Bodies, Complex, times, weighted
+from brake_fenicsx.arguments import AnyArray, Array, Complex
+
+from .bodies import Bodies, times, weighted
 
 # Relative tolerance of GMRES.
 LINEAR = 1e-2
@@ -91,7 +91,7 @@ class Factors:
         return a, y + times(self._moved, a) - moved * self._with_lam, s
 
 
-def inverse(A: NDArray[Any], kind: type) -> NDArray[Any]:
+def inverse(A: AnyArray, kind: type) -> AnyArray:
     """Inverse in a precision; NaN where A is singular: the step then fails."""
     try:
         return np.asarray(la.inv(A.astype(kind), check_finite=False))
@@ -152,13 +152,13 @@ def newton_step(
     return None if failed else step_of(v)
 
 
-def through(A: NDArray, J: Array) -> NDArray:
+def through(A: AnyArray, J: Array) -> AnyArray:
     """A J of rows A, shape (rows, followed rows)."""
     g, f, c = J.shape
     return np.einsum("rgc,gfc->rfc", A.reshape(len(A), g, c), J).reshape(len(A), f * c)
 
 
-def across(J: Array, y: NDArray) -> NDArray:
+def across(J: Array, y: AnyArray) -> AnyArray:
     """J y of motions y, shape (followed rows, n), to (acting rows, n).
 
     Args:

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.build.material_table import constants
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.files import whole_file
@@ -27,7 +27,6 @@ from .peaks import Peaks, read_peaks
 from .posterior import Posterior, VariedBody, fill_basis, identified
 from .study import beside, part_name
 
-Array = NDArray[np.float64]
 # Modes are computed up to this multiple of the highest peak, and no more than so many.
 BEYOND, MOST_MODES = 1.2, 400
 # A constant is not determined if its standard deviation is more than this share of the prior's.

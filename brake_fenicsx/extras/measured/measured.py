@@ -18,14 +18,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex, Index, Mask
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.measured.universal import universal_files
 from brake_fenicsx.folder.arrays import reading
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 NODES, SYSTEMS, UNITS = (15, 2411), (18, 2420), 164
 CYLINDRICAL, SPHERICAL = 1, 2
@@ -67,13 +64,13 @@ class ModalTest:
     """
 
     file: Path
-    label: NDArray[np.intp]
+    label: Index
     points: Array
     axes: Array
-    seen: NDArray[np.bool_]
+    seen: Mask
     frequency: Array
     damping: Array
-    shapes: NDArray[np.complex128]
+    shapes: Complex
 
 
 def read_modes(path: str | Path) -> ModalTest:

@@ -11,10 +11,10 @@ from mpi4py import MPI
 import numpy as np
 import scipy.sparse as sp
 from dolfinx.mesh import exterior_facet_indices
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from brake_fenicsx import compat
+from brake_fenicsx.arguments import Array, Ints
 from brake_fenicsx.build.bodies import assemble_bodies
 from brake_fenicsx.build.scene_mesh import file_parts, grouped_file, mesh_settings, scene_parts
 from brake_fenicsx.errors import InaccurateResult, SceneError
@@ -32,8 +32,6 @@ from brake_fenicsx.meshing.rawmesh import (
 )
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.stability.eigensolvers.symmetric import shifted_factor, symmetric_modes
-
-Array = NDArray[np.float64]
 
 # Rigid-body modes lie below this share of the highest frequency.
 RIGID = 1e-3
@@ -190,7 +188,7 @@ def surface_rows(mesh: Mesh, free: FreeDofs, points: Array) -> tuple[sp.csr_matr
     return rows, np.linalg.norm(away, axis=1), face.radius[facet]
 
 
-def _closest(face: Face, points: Array) -> tuple[NDArray[np.int64], Array]:
+def _closest(face: Face, points: Array) -> tuple[Ints, Array]:
     """Facet closest to each point, and the reference coordinates there.
 
     Of the triangles between the corners; on a curved or twisted facet the ray along its normal

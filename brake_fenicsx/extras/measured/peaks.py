@@ -6,15 +6,14 @@ from importlib import import_module
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.folder.log import logger
 
 from .measured import modes_of, read_sets
 
-Array = NDArray[np.float64]
 UNITS = {"frequency_hz": 1.0, "frequency_khz": 1e3}
 # Two peaks closer than this may be one that was written twice.
 TWICE = 2e-4
@@ -95,7 +94,7 @@ def _table(file: Path) -> list[Peaks]:
     return [_checked(file, name, np.array(sorted(own))) for name, own in specimens.items()]
 
 
-def _poles(file: Path) -> NDArray[np.complex128]:
+def _poles(file: Path) -> Complex:
     """Eigenvalues [1/s] of frequency responses that are stable over the order of the model.
 
     Least-squares complex frequency-domain method (B. Peeters et al., Shock Vib. 11, 2004,

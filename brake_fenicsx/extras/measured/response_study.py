@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex, Index
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.build.material_table import layer_materials
@@ -32,8 +32,6 @@ from .part_modes import part_body, surface_rows
 from .responses import BEYOND, Damped, frac, real_modes, receptances
 from .study import check_distance, correlate, part_name
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 MODES, FUNCTION, RESPONSE = 55, 58, 4  # datasets; type of a function
 # Specific data type of the ordinate -> times it is differentiated by time; that of a force.
 ORDER, FORCE = {8: 0, 11: 1, 12: 2}, 13
@@ -230,7 +228,7 @@ def _band(scene: Scene, asked: Sequence[Response]) -> tuple[float, ...]:
 
 def _ends(
     file: Path, asked: Sequence[Response], mesh: Mesh, elastic: Elastic, part: str
-) -> list[tuple[Array, NDArray[np.intp]]]:
+) -> list[tuple[Array, Index]]:
     """Rows of the forces and of what is seen, each once, shape (rows, dofs); those of responses."""
     points = np.vstack([r.points for r in asked])
     rows, distance, size = surface_rows(mesh, elastic.free, points)

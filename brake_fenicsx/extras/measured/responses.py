@@ -12,14 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.stability.eigensolvers.symmetric import shifted_factor, symmetric_modes
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 # Modes reach this multiple of the band; vectors that others hold up to this share are left out.
 BEYOND, SMALL = 1.5, 1e-7
 # Error that is small enough, and the most solutions at full order.

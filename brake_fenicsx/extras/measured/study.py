@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.mac import mac
 from brake_fenicsx.report import style
@@ -26,8 +26,6 @@ from brake_fenicsx.scene import Scene, read_scene
 from .measured import ModalTest, read_modes
 from .part_modes import PartModes, part_modes, shapes_at
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 # Least MAC of a pair; largest ratio of its frequencies; frequencies of a doublet differ by less.
 LEAST, FARTHEST, DOUBLET = 0.5, 2.0, 5e-3
 # A combination of a doublet counts if the measured directions see this share of the one seen best.
@@ -55,8 +53,8 @@ class Pairs:
     """
 
     mac: Array
-    mode: NDArray[np.intp]
-    combined: NDArray[np.intp]
+    mode: Index
+    combined: Index
 
 
 def paired(measured: Complex, tested: Array, shapes: Array, frequency: Array) -> Pairs:
@@ -97,9 +95,7 @@ def _in_span(measured: Complex, shapes: Array) -> Array:
     return np.asarray(np.sum(np.abs(inside) ** 2, axis=1) / np.sum(np.abs(measured) ** 2, axis=1))
 
 
-def _combined(
-    shapes: Array, group: NDArray[np.intp], measured: Complex, mode: NDArray[np.intp]
-) -> Complex:
+def _combined(shapes: Array, group: Index, measured: Complex, mode: Index) -> Complex:
     """Combinations of a group: the best ones for its measured partners, then what is left."""
     test = [int(np.flatnonzero(mode == j)[0]) if j in mode else -1 for j in group]
     used = np.array([i >= 0 for i in test])
@@ -241,8 +237,8 @@ def check_distance(
 
 
 def beside(
-    mode: NDArray[np.intp], tests: Sequence[NDArray], modes: Sequence[NDArray],
-    both: Sequence[NDArray],
+    mode: Index, tests: Sequence[AnyArray], modes: Sequence[AnyArray],
+    both: Sequence[AnyArray],
 ) -> list[list[Value]]:  # fmt: skip
     """Measured resonances beside the modes that they are, then the modes that have none.
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex, Ints
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import Arrays, read_hdf5, reading
 from brake_fenicsx.folder.files import whole_file
@@ -81,7 +81,7 @@ def _read(path: Path, *names: str) -> Arrays:
         return read_hdf5(path, [f"VTKHDF/{name}" for name in names])
 
 
-def _shapes(run: RunData, approach: str) -> list[tuple[ModeKey, NDArray[np.complex128]]]:
+def _shapes(run: RunData, approach: str) -> list[tuple[ModeKey, Complex]]:
     """Stored modes of an approach, shapes at the points of the file, (points, 3)."""
     keys = run.squeal.representatives(approach, MOST)
     pairs = [[f"PointData/mode_{key.name}_{part}" for part in ("re", "im")] for key in keys]
@@ -93,7 +93,7 @@ def _shapes(run: RunData, approach: str) -> list[tuple[ModeKey, NDArray[np.compl
     return [(key, re + 1j * im) for key, (re, im) in found if re is not None and im is not None]
 
 
-def _mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+def _mesh(path: Path) -> tuple[Array, Ints, Ints]:
     """Corners of the cells [m], cells over them, and the point of the file of each corner."""
     points, cells, types = _read(path, "Points", "Connectivity", "Types").values()
     cells = cells.reshape(len(types), -1)
@@ -109,7 +109,7 @@ def _header(run: RunData) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _model(points: NDArray[np.float64], cells: NDArray[np.int64]) -> list[dict[str, Any]]:
+def _model(points: Array, cells: Ints) -> list[dict[str, Any]]:
     """Nodes, numbered from 1, and volume elements."""
     zero = np.zeros(len(points), dtype=int)
     nodes: dict[Any, Any] = {
@@ -125,7 +125,7 @@ def _model(points: NDArray[np.float64], cells: NDArray[np.int64]) -> list[dict[s
     return [nodes, {"type": 2412, descriptor: elements}]
 
 
-def _mode(run: RunData, number: int, key: ModeKey, shape: NDArray[np.complex128]) -> dict[str, Any]:
+def _mode(run: RunData, number: int, key: ModeKey, shape: Complex) -> dict[str, Any]:
     """A complex mode."""
     modes = run.modes or {}
     row = np.flatnonzero(
