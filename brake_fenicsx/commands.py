@@ -155,7 +155,7 @@ def report(options: Any, comm: Any) -> None:
 )  # fmt: skip
 def status(options: Any, comm: Any) -> str:
     """How far a run is: samples done, who is at work, time to go."""
-    from brake_fenicsx.folder.status import read_status
+    from brake_fenicsx.folder.store import read_status
 
     found = read_status(options.directory)
     return json.dumps(asdict(found), indent=1) if options.json else found.text()

@@ -20,8 +20,8 @@ from brake_fenicsx.cli import main
 from brake_fenicsx.costs import time_text
 from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.log import Progress
+from brake_fenicsx.folder.processes import Terminated
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.folder.termination import Terminated
 from brake_fenicsx.results.answer import summary_table
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.samples.ensemble import run_ensemble

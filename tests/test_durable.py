@@ -14,8 +14,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import arrays, files
 from brake_fenicsx.folder.files import PART, whole_file
 from brake_fenicsx.folder.lock import Lock, has_ended, process_name
-from brake_fenicsx.folder.status import read_status
-from brake_fenicsx.folder.store import RUNNING, Store
+from brake_fenicsx.folder.store import RUNNING, Store, read_status
 from brake_fenicsx.micro.library import LawRecipe
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import result_digest

@@ -29,8 +29,8 @@ from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import face_mass
 from brake_fenicsx.macro.material import rotate_about_z
-from brake_fenicsx.macro.matrix_series import Power
 from brake_fenicsx.macro.sliding_friction import Rotation
+from brake_fenicsx.macro.stretching import Power
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.approaches import turning_parts

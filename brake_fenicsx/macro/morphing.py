@@ -27,8 +27,7 @@ from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.meshing.quality import determinants
 from brake_fenicsx.meshing.rawmesh import RawMesh, body_of_points, facet_nodes
 
-from .matrix_series import DEGREES, Power, matrix_series, products
-from .stretching import Assembly
+from .stretching import DEGREES, Assembly, Power, matrix_series, products
 
 # Faces move evenly if their nodes do to this share of the largest movement.
 EVEN = 1e-6

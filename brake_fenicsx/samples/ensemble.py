@@ -11,10 +11,9 @@ import numpy as np
 
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.folder.log import Progress, logger
-from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.processes import asked, ending, finishing, on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.folder.termination import asked, ending, finishing
 
 # A sample at full order takes as long as so many others (measured at the reference brake). Where
 # these keep all other processes busy, one process computes it alone: two that share it do more work

@@ -10,10 +10,8 @@ from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.folder.sample_files import Task
-from brake_fenicsx.macro.contact_elements import Contact
-from brake_fenicsx.macro.resultants import PadForces, pad_forces
+from brake_fenicsx.macro.contact_elements import Contact, PadForces, StuckState, pad_forces
 from brake_fenicsx.macro.sliding_friction import Rotation
-from brake_fenicsx.macro.stuck import StuckState
 from brake_fenicsx.scene import Scene
 
 # Values that differ by less, relatively, are the same.

@@ -26,7 +26,7 @@ def slides(scene: Scene, interface: str) -> bool:
 def friction_of(scene: Scene, approach: str, interface: str) -> float | Friction:
     """Friction of an interface in the samples of an approach, where it is not random.
 
-    Faces that stick have none: their coefficient is no more than a limit (``macro.stuck``).
+    Faces that stick have none: it is no more than a limit there (``macro.contact_elements``).
     """
     if not slides(scene, interface):
         return 0.0

@@ -14,10 +14,9 @@ import numpy as np
 from brake_fenicsx.arguments import AnyArray, Array, number, one_of, real
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.folder.arrays import npz_names, read_hdf5, read_npz, reading
-from brake_fenicsx.surface.instruments import METRES, Read, read_instrument
+from brake_fenicsx.surface.instruments import METRES, Read, read_instrument, read_x3p
 from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, HeightTable, read_npy, read_table
 from brake_fenicsx.surface.topography import Topography, make_topography
-from brake_fenicsx.surface.x3p import read_x3p
 
 OWN = ("heights", "size", "scale")  # arrays of our own formats
 MISSING = np.iinfo(np.int16).min  # value of a missing point in our int16 npz

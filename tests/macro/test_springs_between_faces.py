@@ -173,6 +173,6 @@ def test_inertia_of_two_values_is_refused():
 
 
 def test_faces_too_large_for_a_mean_motion_are_refused(monkeypatch):
-    monkeypatch.setattr("brake_fenicsx.macro.mean_motion.MOST_NODES", 20)
+    monkeypatch.setattr("brake_fenicsx.macro.tie.MOST_NODES", 20)
     with pytest.raises(SceneError, match=r"springs.clip: \d+ nodes .* name a smaller face"):
         loose_bodies(*clip())

@@ -10,8 +10,7 @@ import pytest
 
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface import characterise, given_statistics, read_topography, synthesise
-from brake_fenicsx.surface.instruments import BELOW, FORMATS, LOWEST
-from brake_fenicsx.surface.x3p import TYPES
+from brake_fenicsx.surface.instruments import BELOW, FORMATS, LOWEST, TYPES
 
 ROOT = Path(__file__).parents[2]
 PAPER = given_statistics(1.8e-6)

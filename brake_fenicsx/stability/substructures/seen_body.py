@@ -24,8 +24,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.arguments import AnyArray, Array
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.macro.schur import InterfaceFactor
-from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.macro.solver import Factor, InterfaceFactor
 
 from ..eigensolvers.arnoldi import plus
 from ..eigensolvers.symmetric import is_symmetric
