@@ -32,9 +32,8 @@ from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.folder.store import PREPARED, Store, check_folder, enter_prepared, open_folder
 from brake_fenicsx.results.versions import differences, versions
 from brake_fenicsx.scene import STAGES, Scene, read_scene
-from brake_fenicsx.scene.approaches import friction_texts, listed
 from brake_fenicsx.scene.digest import in_effect, result_digest
-from brake_fenicsx.scene.scene import own_surface
+from brake_fenicsx.scene.scene import friction_texts, listed, own_surface
 from brake_fenicsx.stages import Run
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from brake_fenicsx.micro import LawSettings, contact_law, law_steps, make_librar
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import MODES
 from brake_fenicsx.stability import complex_modes
-from brake_fenicsx.stability.participation import mac
+from brake_fenicsx.stability.modes import mac
 from brake_fenicsx.surface import make_topography
 from coarse_block import BLOCK, FRICTION, ROUGH
 

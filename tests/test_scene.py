@@ -16,8 +16,8 @@ from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import in_effect, result_digest
 from brake_fenicsx.scene.keys import walk
+from brake_fenicsx.scene.read import with_values
 from brake_fenicsx.scene.units import to_si
-from brake_fenicsx.scene.written_back import with_values
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"

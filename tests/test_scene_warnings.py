@@ -23,8 +23,8 @@ from brake_fenicsx.report.html import render_page
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.samples.sampling import draw_sample
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.approaches import friction_texts, listed
 from brake_fenicsx.scene.digest import laws_key
+from brake_fenicsx.scene.scene import friction_texts, listed
 from brake_fenicsx.scene.warnings import unusual
 from contact_alone import at_contact
 

@@ -33,9 +33,9 @@ from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.macro.stretching import Power
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.approaches import turning_parts
 from brake_fenicsx.scene.samples_section import is_constant, split_key
 from brake_fenicsx.scene.scalars import SPEED, is_inertia, is_length
+from brake_fenicsx.scene.scene import turning_parts
 from brake_fenicsx.stability.substructures import Parameters
 
 from . import material_table

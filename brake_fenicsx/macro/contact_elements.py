@@ -41,9 +41,8 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.brake_mesh import Mesh
 
 from .elasticity import FreeDofs
-from .faces import gather_face
+from .faces import directions_across, gather_face
 from .integrals import Integrals, facet_integrals, node_integrals
-from .projection import directions_across
 from .sliding_friction import Motion, Rotation, slip_frame
 
 

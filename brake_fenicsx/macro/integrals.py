@@ -14,9 +14,8 @@ from scipy.special import roots_sh_legendre
 
 from brake_fenicsx.arguments import Array, Ints, Mask
 
-from .faces import Face
+from .faces import EDGE, Face, search
 from .overlap import Overlap, facing_pairs, overlap, rule
-from .projection import EDGE, search
 
 # Gauss points of the pressure on a facet.
 GAUSS = {

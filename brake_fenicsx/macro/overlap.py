@@ -16,8 +16,7 @@ from scipy.spatial import cKDTree
 from brake_fenicsx import compat
 from brake_fenicsx.arguments import Array, Index, Ints
 
-from .faces import Face
-from .projection import EDGE, project, search
+from .faces import EDGE, Face, project, search
 
 # A triangle cut by three half planes has six corners at most. Where corners coincide to rounding,
 # edges may seem to cross a line more than twice: three cuts then make 4, 6 and 9 corners at most.

@@ -25,9 +25,8 @@ from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.micro.law import LawLibrary, LawSteps, Longer, make_library
-from brake_fenicsx.micro.law_of_surface import WIDTH, doubts, law_steps, reach
+from brake_fenicsx.micro.law_of_surface import WIDTH, LawSettings, doubts, law_steps, reach
 from brake_fenicsx.micro.loading import solve_contact
-from brake_fenicsx.micro.settings import LawSettings
 from brake_fenicsx.surface import (
     BiFractal,
     HeightDistribution,

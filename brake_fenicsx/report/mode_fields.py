@@ -26,8 +26,8 @@ from brake_fenicsx.samples.forces import contact_of
 from brake_fenicsx.samples.solve import displacements
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.digest import in_effect
+from brake_fenicsx.scene.scene import slides
 
 from .fields import facet_means, write_facets, write_fields, write_phases, write_points
 from .mode_cards import SHAPES, ModeShape

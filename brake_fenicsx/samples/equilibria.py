@@ -12,12 +12,13 @@ from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.condensation import compliance, reference_factor
 from brake_fenicsx.macro.equilibrium import (
+    BodyOperators,
     Equilibrium,
+    corrected_equilibrium,
     displacement,
     equilibrium,
     raised_friction,
 )
-from brake_fenicsx.macro.equilibrium_change import BodyOperators, corrected_equilibrium
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.scene import Scene
 

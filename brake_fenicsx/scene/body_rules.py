@@ -3,11 +3,18 @@
 import json
 from collections.abc import Iterator
 
-from .approaches import depends_on_speed, one_friction, rubs, slides, turning_parts, used_materials
 from .bodies_section import DIRECTIONS
 from .keys import dotted
 from .parts_section import BUILDERS, longest_length
-from .scene import Scene
+from .scene import (
+    Scene,
+    depends_on_speed,
+    one_friction,
+    rubs,
+    slides,
+    turning_parts,
+    used_materials,
+)
 from .stability_section import WHERE, Damping
 
 # Finer sizes, which the number of cells that is looked at before meshing leaves out -> the least

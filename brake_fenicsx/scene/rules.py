@@ -6,12 +6,11 @@ from itertools import combinations
 
 from brake_fenicsx.errors import SceneError
 
-from .approaches import rubs
 from .body_rules import damping_mistakes, face_mistakes, part_mistakes
 from .keys import dotted, shown
 from .samples_section import APPROACHES, NO_ROUGH_SAMPLES, below_least, is_constant, split_key
 from .scalars import check_scalar
-from .scene import STAGES, Scene, own_surface
+from .scene import STAGES, Scene, own_surface, rubs
 
 # Sections without which a stage has nothing to do, and stages that build on another one.
 SECTIONS = dict(surface="surface", micro="micro", equilibrium="contact", stability="stability")

@@ -1,7 +1,7 @@
 """Read a scan: npz, HDF5, TrueMap, X3P and tables here; the rest through SurfaceTopography.
 
 What a file says of its size and unit is not corrected: the statistics doubt what looks wrong, with
-the remedy (``size``, ``height_unit``; ``doubts``). Known traps: NMS files come out
+the remedy (``size``, ``height_unit``; ``topography``). Known traps: NMS files come out
 with a lateral size 1e9 too large, and readers of TrueMap files disagree by 1e3 on the heights
 (the format stores millimetres).
 """

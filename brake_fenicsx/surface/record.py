@@ -42,7 +42,7 @@ class SurfaceStatistics:
             scans, each of which has its own.
         level: form that was removed.
         missing: points without a height in the scans.
-        lost: where they are, see ``doubts.where_missing``; where the deepest are missing, heights
+        lost: where they are (``topography.where_missing``); where the deepest are missing, heights
             and spectrum of artificial surfaces are those of the scan with its holes filled.
         outliers: points masked by the outlier rule.
         curvature: share of the variance in a second-order form, largest of the scans [-].

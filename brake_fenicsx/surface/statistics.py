@@ -20,7 +20,6 @@ import scipy.fft
 
 from brake_fenicsx.arguments import Array, one_of
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface.doubts import implausible, where_missing
 from brake_fenicsx.surface.hdf import matched, measured, moments, pooled
 from brake_fenicsx.surface.psd import (
     Density,
@@ -33,7 +32,16 @@ from brake_fenicsx.surface.psd import (
 )
 from brake_fenicsx.surface.record import SurfaceStatistics
 from brake_fenicsx.surface.spectrum import BiFractal, fit_bifractal, spectrum_of
-from brake_fenicsx.surface.topography import Scans, Topography, fill, filling, form, outliers
+from brake_fenicsx.surface.topography import (
+    Scans,
+    Topography,
+    fill,
+    filling,
+    form,
+    implausible,
+    outliers,
+    where_missing,
+)
 
 # The paper's scan: 256 pixels over 1.8 mm; the band of statistics that come without a scan.
 DISTRIBUTIONS = ("measured", "johnson", "normal")

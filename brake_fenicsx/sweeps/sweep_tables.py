@@ -21,8 +21,7 @@ from brake_fenicsx.results.squeal import squeals
 from brake_fenicsx.results.tables import Row, RowTable
 from brake_fenicsx.scene.scalars import si_unit
 
-from .critical import Critical, critical_values
-from .events import FROM_FIRST, MERGING, ONSET
+from .events import FROM_FIRST, MERGING, ONSET, Critical, critical_values
 from .followed import StoredLine
 from .sweep_study import SweepStudy, cut_branches
 

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import eigsh
 from brake_fenicsx.build.brake import assemble_brake, check_brake
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.approaches import active_terms
+from brake_fenicsx.scene.scene import active_terms
 from brake_fenicsx.stability import complex_modes
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"

@@ -12,9 +12,9 @@ import pytest
 
 from brake_fenicsx.errors import SceneError, SurfaceError
 from brake_fenicsx.surface import characterise, read_topography
-from brake_fenicsx.surface.doubts import implausible
 from brake_fenicsx.surface.instruments import missing_points
 from brake_fenicsx.surface.readers import MISSING
+from brake_fenicsx.surface.topography import implausible
 
 HEIGHTS = 1e-6 * np.random.default_rng(0).standard_normal((12, 9))
 SIZE = (1.2e-3, 0.9e-3)

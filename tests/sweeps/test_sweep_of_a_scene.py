@@ -17,7 +17,7 @@ from brake_fenicsx.report.html import write_report
 from brake_fenicsx.report.sweep_figures import draw_chart
 from brake_fenicsx.results.run import SWEEP as SWEEP_TABLES
 from brake_fenicsx.results.run import read_run
-from brake_fenicsx.sweeps.critical import critical_values
+from brake_fenicsx.sweeps.events import critical_values
 from coarse_block import BLOCK, SWEPT
 
 pytestmark = pytest.mark.long

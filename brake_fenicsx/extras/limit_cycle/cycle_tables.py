@@ -17,7 +17,7 @@ from brake_fenicsx.results.stored import StoredSamples
 from brake_fenicsx.results.tables import RowTable
 
 from .cycles import HEARD, MEASURES
-from .floquet import GIVES_WAY
+from .growth import GIVES_WAY
 
 MODE = ("approach", "sample", "family", "mode")
 CYCLES = (*MODE, "linear_frequency_hz", "linear_alpha_1_s", "outcome", *MEASURES)

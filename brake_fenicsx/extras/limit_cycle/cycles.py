@@ -20,14 +20,23 @@ from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.samples.models import Models
 from brake_fenicsx.samples.sampling import friction_law
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.approaches import PERFECT
+from brake_fenicsx.scene.scene import PERFECT
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures import ReducedModel
 
 from .bodies import reduced_bodies
 from .contact_forces import PeriodForces
-from .floquet import UNDECIDED, exponents, verdict
-from .growth import STABLE, UNDAMPED, Cycle, GrowthBranch, follow, time_to_reach
+from .growth import (
+    STABLE,
+    UNDAMPED,
+    UNDECIDED,
+    Cycle,
+    GrowthBranch,
+    exponents,
+    follow,
+    time_to_reach,
+    verdict,
+)
 from .harmonic_balance import HarmonicBalance
 from .keys import LimitCycle
 from .sound import AT_ONE_METRE, Nodes, decibels, nodes_of, sound_power

@@ -12,7 +12,7 @@ nonlinear modes: Laxalde and Thouverez, J. Sound Vib. 322, 2009, doi:10.1016/j.j
 Krack, Comput. Struct. 154, 2015, doi:10.1016/j.compstruc.2015.03.008).
 
 Newton's method solves for a_n, y_n, alpha and omega under a condition on growth and amplitude; see
-``newton_steps`` for its linear systems.
+``bodies`` for its linear systems.
 """
 
 from collections.abc import Callable
@@ -24,8 +24,7 @@ import scipy.linalg as la
 from brake_fenicsx.arguments import Array, Complex, Index
 from brake_fenicsx.errors import NotConverged
 
-from .bodies import Bodies
-from .newton_steps import Factors, Step, changes, newton_step, through
+from .bodies import Bodies, Factors, Step, changes, newton_step, through
 
 # Newton's iterations at most, and what each must gain with the factors of an earlier vibration;
 # slow ones that are borne; vectors of GMRES at most, with new factors and with those of an earlier

@@ -19,9 +19,8 @@ from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import MaterialTable, Scene, read_scene
-from brake_fenicsx.scene.read import toml_text
+from brake_fenicsx.scene.read import toml_text, with_values, write_text
 from brake_fenicsx.scene.units import in_unit_of, to_si
-from brake_fenicsx.scene.written_back import with_values, write_text
 
 from .peaks import Peaks, read_peaks
 from .posterior import Posterior, VariedBody, fill_basis, identified

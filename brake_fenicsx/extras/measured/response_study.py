@@ -28,8 +28,7 @@ from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.stability.substructures.substructure import ModalRatio
 
 from .measured import NODES, SYSTEMS, UNITS, nodes_of, read_sets
-from .part_modes import part_body, surface_rows
-from .responses import BEYOND, Damped, frac, real_modes, receptances
+from .part_modes import BEYOND, Damped, frac, part_body, real_modes, receptances, surface_rows
 from .study import check_distance, correlate, part_name
 
 MODES, FUNCTION, RESPONSE = 55, 58, 4  # datasets; type of a function

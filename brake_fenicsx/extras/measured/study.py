@@ -21,7 +21,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.report import style
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import Scene, read_scene
-from brake_fenicsx.stability.participation import mac
+from brake_fenicsx.stability.modes import mac
 
 from .measured import ModalTest, read_modes
 from .part_modes import PartModes, part_modes, shapes_at

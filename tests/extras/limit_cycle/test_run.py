@@ -22,8 +22,7 @@ from brake_fenicsx.extras.limit_cycle.cycle_figures import (
 )
 from brake_fenicsx.extras.limit_cycle.cycle_tables import CYCLES, FAMILIES, _families
 from brake_fenicsx.extras.limit_cycle.cycles import MEASURES, limit_cycles
-from brake_fenicsx.extras.limit_cycle.floquet import verdict
-from brake_fenicsx.extras.limit_cycle.growth import EXACTLY
+from brake_fenicsx.extras.limit_cycle.growth import EXACTLY, verdict
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.scene import read_scene
 from processes import parallel

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx import prepare
-from brake_fenicsx.extras.limit_cycle.floquet import exponents, verdict
-from brake_fenicsx.extras.limit_cycle.growth import STABLE
+from brake_fenicsx.extras.limit_cycle.growth import STABLE, exponents, verdict
 from time_steps import TimeSteps, measured
 
 SCENES = Path(__file__).parents[3] / "scripts" / "scenes"

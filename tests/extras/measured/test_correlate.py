@@ -15,7 +15,7 @@ from brake_fenicsx.extras.measured.measured import read_modes
 from brake_fenicsx.extras.measured.part_modes import part_modes, shapes_at
 from brake_fenicsx.extras.measured.study import paired
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.stability.participation import mac
+from brake_fenicsx.stability.modes import mac
 from free_beam import HEIGHT, LENGTH, RHO, E, free_beam
 from run_tables import read_columns
 from universal_files import geometry, write_sets

@@ -8,9 +8,15 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
 from brake_fenicsx.cli import main
-from brake_fenicsx.extras.measured.part_modes import part_body, surface_rows
+from brake_fenicsx.extras.measured.part_modes import (
+    Damped,
+    frac,
+    part_body,
+    real_modes,
+    receptances,
+    surface_rows,
+)
 from brake_fenicsx.extras.measured.response_study import _damped
-from brake_fenicsx.extras.measured.responses import Damped, frac, real_modes, receptances
 from brake_fenicsx.scene import read_scene
 from free_beam import HEIGHT, LENGTH, NU, RHO, WIDTH, E, beam
 from run_tables import read_columns
