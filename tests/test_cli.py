@@ -29,8 +29,8 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.units import several
 from brake_fenicsx.stages import Run
 from brake_fenicsx.surface import read_topography
+from places import BLOCK
 
-BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
 SURFACE = ["--set", "stages=['surface']", "--set", "surface.statistics={ S_q = '3 um' }"]
 # A program that ends itself, or is ended, after some seconds at most.
 PROGRAM = [sys.executable, "-m", "brake_fenicsx"]

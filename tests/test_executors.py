@@ -9,7 +9,6 @@ import subprocess
 import sys
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -23,9 +22,9 @@ from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.results.sample_blocks import LARGE
 from coarse_block import BLOCK, ROUGH
+from places import ROOT
 from processes import parallel
 
-ROOT = Path(__file__).parents[1]
 COUNT = 6
 CHANGES = [*ROUGH, f"samples.n={COUNT}"]
 SPAWN = get_context("spawn")

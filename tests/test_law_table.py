@@ -2,7 +2,6 @@
 
 import json
 import re
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -15,9 +14,9 @@ from brake_fenicsx.pipeline import run
 from brake_fenicsx.samples.sampling import one_law
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import result_digest
+from places import BLOCK
 from run_tables import read_columns
 
-BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
 P0, U0 = 10.0, 10.0  # MPa and um
 
 

@@ -18,11 +18,7 @@ from brake_fenicsx.scene.digest import in_effect, result_digest
 from brake_fenicsx.scene.keys import walk
 from brake_fenicsx.scene.read import with_values
 from brake_fenicsx.scene.units import to_si
-
-SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
-BLOCK = SCENES / "block_on_plate.toml"
-WHOLE = SCENES / "whole_brake.toml"
-
+from places import BLOCK, DEMO, SCENES, WHOLE
 
 DAMPED = 'damping = { rayleigh = ["9 1/s", "0.1 us"] }\nthreshold'
 RANDOM = """
@@ -284,7 +280,6 @@ def test_an_empty_scene_has_no_stages(tmp_path):
     assert read_scene({"stages": []}).stages == ()
 
 
-DEMO = BLOCK.with_name("disc_brake_demo.toml")
 RANGES = [
     ("samples.random={'materials.lining.C33'={law='normal', mean='2.27 GPa', sd='0.8 GPa'}}",
      "the law reaches -202 MPa with a probability of 0.001; write a positive min"),

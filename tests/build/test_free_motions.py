@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import asdict, replace
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -17,9 +16,8 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.rawmesh import FACETS
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
+from places import BLOCK, SCENES
 
-SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
-BLOCK = SCENES / "block_on_plate.toml"
 COARSE = ["stages=['equilibrium']", "parts.block.size='20 mm'", "parts.plate.size='30 mm'"]
 CAP = [
     'parts.cap={ builder="block", length="40 mm", width="20 mm", height="8 mm", z="20 mm",'

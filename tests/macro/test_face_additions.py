@@ -1,7 +1,5 @@
 """Springs to the ground and masses on faces: totals, the six modes of a rigid box, statics."""
 
-from pathlib import Path
-
 from mpi4py import MPI
 
 import dolfinx
@@ -18,8 +16,8 @@ from brake_fenicsx.macro.elasticity import FaceAddition, assemble_elastic, unit_
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import read_scene
+from places import BLOCK
 
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = ["parts.block.size='20 mm'", "parts.plate.size='30 mm'"]
 
 SIDES = np.array([1.0, 0.7, 0.5])

@@ -1,7 +1,5 @@
 """Springs and dashpots between two faces, and to the ground: rigid bodies, totals, ratios."""
 
-from pathlib import Path
-
 from mpi4py import MPI
 
 import numpy as np
@@ -13,8 +11,8 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.scene import active_terms
 from brake_fenicsx.stability import complex_modes
+from places import BLOCK
 
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 # A block of iron above the block of the scene, neither held nor loaded; the plate is.
 LIFTED = [
     "parts.block.size='20 mm'", "parts.plate.size='30 mm'", "loads={}",

@@ -2,7 +2,6 @@
 
 import logging
 from dataclasses import replace
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -29,8 +28,8 @@ from brake_fenicsx.samples.numbering import body_centres
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.substructures.component import originals_and_images
 from brake_fenicsx.stability.substructures.substructure import split_substructures
+from places import BLOCK
 
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 # A second block glued on the first one, its mesh another one.
 CAP = [
     "parts.block.size='20 mm'", "parts.plate.size='30 mm'", "loads={}",

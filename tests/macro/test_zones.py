@@ -2,7 +2,6 @@
 
 import csv
 import re
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -16,8 +15,8 @@ from brake_fenicsx.micro import linear_law
 from brake_fenicsx.pipeline import assemble, run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.contact_section import Zone
+from places import BLOCK
 
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 FEW = ["mesh.cells=hexahedra", "parts.block.size='7 mm'", "parts.plate.size='14 mm'"]
 INNER, OUTER = '{ radius = [0, "12 mm"] }', '{ radius = ["12 mm", "1 m"] }'
 

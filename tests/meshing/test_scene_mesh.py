@@ -1,7 +1,5 @@
 """[mesh] of a scene: builders and files side by side, and mistakes in one line."""
 
-from pathlib import Path
-
 from mpi4py import MPI
 
 import numpy as np
@@ -11,9 +9,7 @@ from brake_fenicsx.build.brake import assemble_brake, check_brake
 from brake_fenicsx.build.scene_mesh import scene_mesh, scene_raw_mesh
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import BUILDERS, read_scene
-
-SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
-BLOCK = SCENES / "block_on_plate.toml"
+from places import BLOCK, SCENES
 
 OWN = """
 stages = ["equilibrium"]

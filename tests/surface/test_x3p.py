@@ -3,7 +3,6 @@
 import re
 import zipfile
 from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +10,8 @@ import pytest
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface import characterise, given_statistics, read_topography, synthesise
 from brake_fenicsx.surface.instruments import BELOW, FORMATS, LOWEST, TYPES
+from places import ROOT
 
-ROOT = Path(__file__).parents[2]
 PAPER = given_statistics(1.8e-6)
 SIZE = (1.2e-3, 0.9e-3)
 XML = """<?xml version="1.0"?><p:ISO5436_2 xmlns:p="http://www.opengps.eu/2008/ISO5436_2">

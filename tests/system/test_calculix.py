@@ -3,7 +3,6 @@
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -15,14 +14,11 @@ from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.extras.decks.superelement import read_superelement
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.parts_section import Matrices
-
-SCRIPTS = Path(__file__).parents[2] / "scripts"
-
+from places import BLOCK, SCRIPTS
 
 pytestmark = [
     pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed"),
 ]
-BLOCK = SCRIPTS / "scenes" / "block_on_plate.toml"
 
 
 @pytest.fixture
