@@ -18,11 +18,11 @@ from brake_fenicsx import prepare, sample, sweep
 from brake_fenicsx.display import html_table, mesh_grid
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.extensions import Extensions
+from brake_fenicsx.mac import mac
 from brake_fenicsx.micro import LawSettings, contact_law, law_steps, make_library
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import MODES
 from brake_fenicsx.stability import complex_modes
-from brake_fenicsx.stability.modes import mac
 from brake_fenicsx.surface import make_topography
 from coarse_block import BLOCK, FRICTION, ROUGH
 

@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import KDTree
 
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index, Mask
-from brake_fenicsx.stability.modes import mac
+from brake_fenicsx.mac import mac
 
 SHAPES = "shapes.npz"
 # Smallest MAC of one mode in two samples or runs.

@@ -31,7 +31,7 @@ from brake_fenicsx.scene.contact_section import LAWS
 from brake_fenicsx.scene.scalars import SPEED
 from brake_fenicsx.scene.scene import friction_of
 
-from . import designs
+from . import random_inputs
 from .designs import correlation_root, design_size, roughness_of
 
 if TYPE_CHECKING:
@@ -127,9 +127,9 @@ def draw_sample(
     drawn, rejected = Values(scene), 0
     if scene.samples.takes_random(approach):
         shared = roughness_of(scene.samples.plan(approach), len(scene.samples.random), k)
-        drawn, rejected = designs.draw_inputs(scene, approach, point, _streams(seed)[2])
+        drawn, rejected = random_inputs.draw_inputs(scene, approach, point, _streams(seed)[2])
     brake = at(drawn)
-    if approach in designs.PERFECT:
+    if approach in random_inputs.PERFECT:
         none = np.zeros(brake.contact.interface.size)
         laws = EnrichedGap(_penalty(drawn), none.astype(np.intp), none)
     else:
@@ -152,13 +152,13 @@ def at_values(sample: SampleInput, values: Mapping[str, float]) -> SampleInput:
     """
     scene, approach, laws = sample.values.scene, sample.approach, sample.laws
     given = Values(scene, {**sample.values, **values})
-    designs.check_values(approach, given)
+    random_inputs.check_values(approach, given)
     brake = sample.brake.reference.at(given)
-    if approach in designs.PERFECT:
+    if approach in random_inputs.PERFECT:
         laws = replace(laws, laws=_penalty(given))
     else:
-        scaled = designs.scaled_interfaces(scene) if given.materials else ()
-        factor, factors = designs.law_factor, dict.fromkeys(scene.contact, 1.0)
+        scaled = random_inputs.scaled_interfaces(scene) if given.materials else ()
+        factor, factors = random_inputs.law_factor, dict.fromkeys(scene.contact, 1.0)
         factors |= {n: factor(n, given) / factor(n, sample.values) for n in scaled}
         if {*factors.values()} != {1.0}:
             parts = [micro.scaled_laws(laws.laws, x) for x in factors.values()]
@@ -220,8 +220,8 @@ def _rough(
         own, rough = interface == i, zones.get(name, whole)
         chosen, numbers = _laws(table, rough.library, int(own.sum()), law_rng)
         index[own] = numbers + sum(len(part) for part in parts)
-        if values.materials and name in designs.scaled_interfaces(scene):
-            chosen = micro.scaled_laws(chosen, designs.law_factor(name, values))
+        if values.materials and name in random_inputs.scaled_interfaces(scene):
+            chosen = micro.scaled_laws(chosen, random_inputs.law_factor(name, values))
         parts.append(chosen)
         if table.gap == "none":
             continue

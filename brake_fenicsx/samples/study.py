@@ -27,12 +27,12 @@ from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures.parameter_line import Basis
 
-from .designs import PERFECT, note_laws, points_of
 from .drivers import driver_arrays
 from .ensemble import run_ensemble
 from .equilibria import Equilibria
 from .forces import forces_of_sample, mean_friction, moved
 from .models import Models
+from .random_inputs import PERFECT, note_laws, points_of
 from .sampling import Roughness, SampleInput, at_values, draw_sample, sample_count, sample_seed
 from .solve import More, displacements, full_modes, modes_of_sample, reduced_modes
 

@@ -15,11 +15,6 @@ so that nothing is counted twice. Strain energy is shared likewise, with stiffne
 Without damping the two modes of a flutter pair are lambda and -conj(lambda), with vectors phi and
 conj(phi). Damping moves the two eigenvalues apart and turns the vectors a little: there the partner
 is the mode whose shape is nearest to conj(phi), and it is a matter of degree.
-
-How alike two shapes are: the modal assurance criterion (MAC).
-
-It is 1 for the same shape, whatever its complex scale, and 0 for an orthogonal one (R. J. Allemang,
-Sound and Vibration 37(8) (2003) 14).
 """
 
 from collections.abc import Callable, Mapping
@@ -29,9 +24,10 @@ from typing import Any, Literal
 import numpy as np
 import scipy.linalg as la
 
-from brake_fenicsx.arguments import AnyArray, Array, Complex, Index, Mask
+from brake_fenicsx.arguments import Array, Complex, Index, Mask
 from brake_fenicsx.display import Shown, html_table, mesh_grid
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.mac import mac
 
 # alpha beyond this share of |lambda| is called unstable; below it the model decides nothing.
 THRESHOLD = 1e-6
@@ -366,30 +362,3 @@ def damped_partners(s: Complex, phi: Complex, M: Any, unstable: Mask) -> Index:
             partner[i] = j
             partner[j] = i if partner[j] < 0 else partner[j]
     return partner
-
-
-def mac(
-    x: Complex, y: Complex, x_left: Complex | None = None, y_left: Complex | None = None
-) -> AnyArray:
-    """Modal assurance criterion of every column of x with every column of y.
-
-    With a mass M the left vectors are M x and M y.
-
-    Args:
-        x: vectors in coordinates in which the mass is about the identity, shape (m, modes).
-        y: likewise, shape (m, others).
-        x_left: left vectors of modes that are not orthogonal; x itself if None.
-        y_left: likewise.
-
-    Returns:
-        Shape (modes, others): real, 0 of a zero vector; with left vectors complex traces of the
-        products of the modes' spectral projectors, infinite of a defective mode.
-    """
-    L, N = (x if x_left is None else x_left), (y if y_left is None else y_left)
-    own, theirs = (np.einsum("im,im->m", a.conj(), b) for a, b in ((L, x), (N, y)))
-    scale = np.outer(own, theirs)
-    tiny = np.abs(scale) < 1e-300
-    product = (L.conj().T @ y) * (N.conj().T @ x).T
-    if x_left is None and y_left is None:
-        return np.where(tiny, 0.0, product / np.where(tiny, 1.0, scale)).real
-    return np.where(tiny, np.inf, product / np.where(tiny, 1.0, scale))

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.errors import NotConverged
+from brake_fenicsx.mac import mac
 from brake_fenicsx.samples.study import Study
-from brake_fenicsx.stability.modes import Modes, mac
+from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures.parameter_line import Basis
 
 # Equilibria that are kept as starts.

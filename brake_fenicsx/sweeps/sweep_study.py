@@ -14,8 +14,8 @@ from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
-from brake_fenicsx.samples.designs import PERFECT
 from brake_fenicsx.samples.ensemble import run_ensemble
+from brake_fenicsx.samples.random_inputs import PERFECT
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene.samples_section import ROUGH
 from brake_fenicsx.scene.units import several

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
+from brake_fenicsx.mac import mac
 from brake_fenicsx.results.families import ModeFamilies, Onsets, known_numbers
-from brake_fenicsx.stability.modes import mac
 
 STABLE = np.zeros(6, bool)
 

@@ -18,10 +18,10 @@ from scipy.optimize import linear_sum_assignment
 
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.mac import mac
 from brake_fenicsx.report import style
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import Scene, read_scene
-from brake_fenicsx.stability.modes import mac
 
 from .measured import ModalTest, read_modes
 from .part_modes import PartModes, part_modes, shapes_at

@@ -22,6 +22,7 @@ from scipy.stats import beta, binom
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import in_turns
+from brake_fenicsx.mac import mac
 from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
 from brake_fenicsx.results.families import known_numbers, shapes_at_dofs
 from brake_fenicsx.results.run import RunData
@@ -29,7 +30,6 @@ from brake_fenicsx.results.squeal import Family, squeals
 from brake_fenicsx.samples.numbering import dof_places
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene.units import quantity_text
-from brake_fenicsx.stability.modes import mac
 from brake_fenicsx.sweeps.state import Points, State, likeness
 
 from .comparison import shapes_of

@@ -12,8 +12,8 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.measured.measured import read_modes
 from brake_fenicsx.extras.measured.part_modes import part_modes, shapes_at
 from brake_fenicsx.extras.measured.study import paired
+from brake_fenicsx.mac import mac
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.stability.modes import mac
 from free_beam import HEIGHT, LENGTH, RHO, E, free_beam
 from places import SCENES
 from run_tables import read_columns
