@@ -31,8 +31,14 @@ from brake_fenicsx.macro.solver import whole, with_interface
 
 from .eigensolvers import symmetric
 from .eigensolvers.argument_principle import damped_region
-from .eigensolvers.arnoldi import times
-from .eigensolvers.eigenpairs import ROUND_OFF, QuadraticPencil, paired, residuals, undamped_errors
+from .eigensolvers.eigenpairs import (
+    ROUND_OFF,
+    QuadraticPencil,
+    paired,
+    residuals,
+    times,
+    undamped_errors,
+)
 from .full.damped import damped_modes
 from .full.dense import DENSE, small_modes
 from .full.friction_modes import friction_modes

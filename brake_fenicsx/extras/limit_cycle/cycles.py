@@ -25,7 +25,6 @@ from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures import ReducedModel
 
 from .bodies import reduced_bodies
-from .contact_forces import PeriodForces
 from .growth import (
     STABLE,
     UNDAMPED,
@@ -37,7 +36,7 @@ from .growth import (
     time_to_reach,
     verdict,
 )
-from .harmonic_balance import HarmonicBalance
+from .harmonic_balance import HarmonicBalance, PeriodForces
 from .keys import LimitCycle
 from .sound import AT_ONE_METRE, Nodes, decibels, nodes_of, sound_power
 

@@ -21,7 +21,7 @@ from brake_fenicsx.folder.processes import release_memory
 from brake_fenicsx.macro.condensation import Solves
 from brake_fenicsx.macro.solver import BlockProduct, Factor
 
-from .arnoldi import combined, shares
+from .eigenpairs import combined, shares
 
 # -sigma as a share of the highest kappa of the band: rigid modes stay clear of round-off, and the
 # spectrum is hardly compressed. A divergence needs a larger shift; with one that is a hundred times

@@ -31,7 +31,6 @@ from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers import eigenpairs
 from ..eigensolvers.argument_principle import RIM
-from ..eigensolvers.arnoldi import nearest_modes, times
 from ..eigensolvers.symmetric import SHIFT, count_below, is_symmetric
 from ..modes import NEAR_ZERO, Count, Modes, damped_rows
 from .dense import DENSE, counted_quadratic, dense_quadratic_modes
@@ -70,7 +69,9 @@ def quadratic_modes(
         apply, lu = _operator(m, c, k, s, high)
         n = K.shape[0]
         # A little further, so that each of the right ones has its left one.
-        found, X = nearest_modes(apply, 2 * n, s, RIM * reach, 2 * count + 2, RIM * leftmost)
+        found, X = eigenpairs.nearest_modes(
+            apply, 2 * n, s, RIM * reach, 2 * count + 2, RIM * leftmost
+        )
         lu.destroy()
         return found, X[:n]
 
@@ -141,7 +142,7 @@ def damped_modes(
     condition, error = eigenpairs.damped_errors(pencil, s, right, left)
     rows, s = damped_rows(s, right, error, (low, high), zeta_max)
     right, left = right[:, rows], left[:, rows]
-    R, MX = pencil.times(s, right), times(pencil.M, right)
+    R, MX = pencil.times(s, right), eigenpairs.times(pencil.M, right)
     residual, backward = eigenpairs.residuals(pencil, s, right, R, MX)
     if np.any((residual > tolerance) & (backward > eigenpairs.ROUND_OFF)):
         raise NotConverged(

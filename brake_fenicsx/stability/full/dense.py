@@ -12,8 +12,7 @@ from brake_fenicsx.arguments import AnyArray, Array, Complex, Mask
 from brake_fenicsx.errors import InaccurateResult
 
 from ..eigensolvers.argument_principle import count_zeros, damped_region, undamped_region
-from ..eigensolvers.arnoldi import on_parts
-from ..eigensolvers.eigenpairs import QuadraticPencil
+from ..eigensolvers.eigenpairs import QuadraticPencil, on_parts
 from ..eigensolvers.symmetric import SHIFT, count_below
 from ..modes import Count
 from .interface import Found, SplitProblem, agree

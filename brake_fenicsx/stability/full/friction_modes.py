@@ -39,8 +39,7 @@ from brake_fenicsx.folder.processes import in_turns, on_first, release_memory
 from brake_fenicsx.macro.solver import BlockProduct
 
 from ..eigensolvers import argument_principle, symmetric
-from ..eigensolvers.arnoldi import BLOCK, combined, nearest_modes, times
-from ..eigensolvers.eigenpairs import both_sides
+from ..eigensolvers.eigenpairs import BLOCK, both_sides, combined, nearest_modes, times
 from ..modes import Count
 from . import interface
 

@@ -23,7 +23,7 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import BlockProduct, Factor, blocks
 
-from ..eigensolvers.arnoldi import combined, shares
+from ..eigensolvers.eigenpairs import combined, shares
 from ..modes import Count
 
 # Most moments of the interface, right S^-1 (M S^-1)^j left', j = 0, 1, ..., and the highest power m

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from brake_fenicsx.arguments import AnyArray, Array, Complex
 from brake_fenicsx.errors import InaccurateResult
 
-from ..eigensolvers.arnoldi import on_parts
+from ..eigensolvers.eigenpairs import on_parts
 from ..modes import Count, Modes
 from .block_matrix import BlockMatrix
 from .contact_rows import SIGMA, ContactLinearisation

@@ -27,7 +27,7 @@ import scipy.linalg as la
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.iteration import Steps, sizes
 
-from ..eigensolvers.arnoldi import times
+from ..eigensolvers.eigenpairs import times
 from .contact_rows import SIGMA, Rows
 
 Coefficients = Array | Sequence[Array]

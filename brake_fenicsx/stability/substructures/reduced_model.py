@@ -21,7 +21,7 @@ from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.processes import release_memory
 
-from ..eigensolvers.arnoldi import with_conjugates
+from ..eigensolvers.eigenpairs import with_conjugates
 from ..modes import Count, Modes, damped_rows, undamped_rows
 from . import vectors
 from .block_matrix import FREE, BlockMatrix, Chosen, assembled, static_compliance

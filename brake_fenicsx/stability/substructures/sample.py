@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 
-from ..eigensolvers.arnoldi import times
+from ..eigensolvers.eigenpairs import times
 from .block_matrix import BlockMatrix, Chosen
 from .component import AtPoint, Placed
 from .contact_rows import ContactLinearisation, Rows

@@ -30,7 +30,7 @@ from brake_fenicsx.arguments import AnyArray, Array, Complex
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.iteration import remaining
 
-from ..eigensolvers.arnoldi import on_parts, times
+from ..eigensolvers.eigenpairs import on_parts, times
 from .contact_rows import SIGMA, Rows
 from .polynomials import Coefficients, Zeros, applied
 

@@ -26,7 +26,7 @@ from brake_fenicsx.arguments import AnyArray, Array
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.solver import Factor, InterfaceFactor
 
-from ..eigensolvers.arnoldi import plus
+from ..eigensolvers.eigenpairs import plus
 from ..eigensolvers.symmetric import is_symmetric
 from .contact_rows import SIGMA, Rows
 

@@ -24,7 +24,7 @@ from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.folder.processes import in_turns, release_memory
 from brake_fenicsx.iteration import Steps, sizes
 
-from ..eigensolvers.arnoldi import on_parts, times
+from ..eigensolvers.eigenpairs import on_parts, times
 from .block_matrix import Chosen, assembled
 from .component import Component, Placed
 from .contact_rows import Rows
