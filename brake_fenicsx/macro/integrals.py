@@ -86,12 +86,11 @@ def facet_integrals(
     number[kept] = np.arange(kept.size)
     used = number[row] >= 0
     element, scale = number[row[used]], 1 / whole[row[used]][:, None]
+    both = (pad, facet_pad, on_pad, pad_normal), (disc, facet_disc, on_disc, disc_normal)
     sides = [
         (element, face.columns[facet[used]], v[used] * scale, m[used] * scale[..., None])
-        for face, facet, v, m in (
-            (pad, facet_pad, on_pad, pad_normal), (disc, facet_disc, on_disc, disc_normal)
-        )
-    ]  # fmt: skip
+        for face, facet, v, m in both
+    ]
     mean = [np.stack([total(v[:, c])[kept] for c in range(3)], axis=1) for v in (where, normal)]
     w = whole[kept]
     return Integrals(

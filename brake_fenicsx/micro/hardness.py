@@ -135,9 +135,8 @@ def _checked(curve: Array | str | Path) -> tuple[Array, Array, Mask]:
     top = int(p.argmax()) if p.size else 0
     if np.count_nonzero(p[: top + 1] >= LOWEST * p[top : top + 1]) < 5:
         raise SceneError(f"{name}: fewer than 5 points of loading; give more")
-    for what, value, (least, most) in (
-        ("pressure", p[top], PRESSURES), ("closure", np.ptp(closure), CLOSURES),
-    ):  # fmt: skip
+    largest = ("pressure", p[top], PRESSURES), ("closure", np.ptp(closure), CLOSURES)
+    for what, value, (least, most) in largest:
         if not least <= value <= most:
             raise SceneError(
                 f"{name}: a {what} up to {value:.3g}, where a test has {least:g} to {most:g} in"

@@ -232,10 +232,8 @@ def family_shapes(places: Array, u: Complex, numbers: Index) -> dict[str, AnyArr
     chosen, kept = vectors[:, ::step], keys[first[::step]]
     size = np.linalg.norm(chosen.reshape(len(chosen), -1), axis=1)
     shapes = (chosen / np.maximum(size, 1e-300)[:, None, None]).astype(np.complex64)
-    return {
-        "points": kept[:, :3], "body": places[first[::step], 4:], "shapes": shapes,
-        "families": numbers,
-    }  # fmt: skip
+    bodies = places[first[::step], 4:]
+    return {"points": kept[:, :3], "body": bodies, "shapes": shapes, "families": numbers}
 
 
 def shapes_at_dofs(shapes: Mapping[str, AnyArray], places: Array) -> Complex:

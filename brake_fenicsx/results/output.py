@@ -187,11 +187,9 @@ def sample_facts(stored: StoredSamples) -> dict[str, Any]:
     """
     names = [str(name) for name in stored.rows["approach"]]
     good = [status == "ok" for status in stored.rows["status"]]
-    facts: dict[str, Any] = {
-        "samples": {name: _approach(stored, name, names, good)
-                    for name in dict.fromkeys(name for name, _ in stored.tasks)},
-        "failed_samples": good.count(False),
-    }  # fmt: skip
+    approaches = dict.fromkeys(name for name, _ in stored.tasks)
+    figures = {name: _approach(stored, name, names, good) for name in approaches}
+    facts: dict[str, Any] = {"samples": figures, "failed_samples": good.count(False)}
     each = zip(names, stored.rows["sample"], stored.of_each("lost"), strict=True)
     if lost := [(f"{text} (sample {name} {k}") for name, k, text in each if text]:
         others = f", and in {len(lost) - 1} more samples" if lost[1:] else ""

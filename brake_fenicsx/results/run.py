@@ -29,10 +29,7 @@ if TYPE_CHECKING:
 Arrays = dict[str, AnyArray]
 
 # Names of approaches as a person reads them, the simplest first.
-APPROACHES = {
-    "classical": "Classical", "parametric": "Parametric", "multi-scale": "Multi-scale",
-    "joint": "Joint",
-}  # fmt: skip
+APPROACHES = {n: n.capitalize() for n in ("classical", "parametric", "multi-scale", "joint")}
 SMOOTH = "Smooth contact"  # the approach "multi-scale" of a scene without roughness
 PART = 2**18  # modes whose errors are computed together
 # Files of tables that need more than the samples: the brake, lines of a sweep, resampling.

@@ -93,9 +93,7 @@ def _numbers(pad: PadForces, turns: bool) -> dict[str, float]:
     x, y, z = 1e3 * pad.centre
     edges = np.degrees(pad.edges) if turns else 1e3 * np.array(pad.edges)
     unit = "deg" if turns else "mm"
-    torque = {
-        "torque_N_m": pad.torque, "effective_radius_mm": 1e3 * pad.effective_radius,
-    }  # fmt: skip
+    torque = {"torque_N_m": pad.torque, "effective_radius_mm": 1e3 * pad.effective_radius}
     return {
         "normal_N": pad.normal, "friction_N": float(np.linalg.norm(pad.friction)),
         **(torque if turns else {}),

@@ -206,8 +206,8 @@ def _read(file: Path, archive: zipfile.ZipFile, unit: float | None) -> tuple[Arr
             f"{file}: heights of type {kind!r}, or as text: types {', '.join(TYPES)} in a binary"
             " file are read; export the scan so"
         )
-    numbers = np.frombuffer(_part(archive, link, nx * ny * np.dtype(TYPES[kind]).itemsize),
-                            TYPES[kind], nx * ny).astype(float)  # fmt: skip
+    content = _part(archive, link, nx * ny * np.dtype(TYPES[kind]).itemsize)
+    numbers = np.frombuffer(content, TYPES[kind], nx * ny).astype(float)
     increment, offset = (
         _number(main, f"Record1/Axes/CZ/{name}", given)
         for name, given in (("Increment", 1.0), ("Offset", 0.0))

@@ -154,10 +154,11 @@ def described(
     """
     one_of("distribution", distribution, DISTRIBUTIONS)
     heights = [t.heights for t in scans]
-    psd = without_holes(
-        radial_psd(scans, cutoff), scans, level,
-        lambda psd: spectrum_of(scans, psd, fit_bifractal(psd), "measured"),
-    )  # fmt: skip
+
+    def taken(psd: RadialPsd) -> BiFractal:
+        return spectrum_of(scans, psd, fit_bifractal(psd), "measured")
+
+    psd = without_holes(radial_psd(scans, cutoff), scans, level, taken)
     johnson = distribution != "measured"
     hdf = matched(*moments(pooled(heights))[1:], distribution) if johnson else measured(heights)
     fit = fit_bifractal(psd)

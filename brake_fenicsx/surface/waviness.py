@@ -69,8 +69,8 @@ class Waviness:
     def _grid(self, extent: tuple[float, float] | Array) -> tuple[tuple[int, int], Array]:
         """Points and lengths of a periodic field twice as long as the face."""
         step = self.patch / PER_PATCH
-        counts = [scipy.fft.next_fast_len(int(np.ceil(2.0 * e / step)) + PER_PATCH, real=True)
-                  for e in extent]  # fmt: skip
+        least = [int(np.ceil(2.0 * e / step)) + PER_PATCH for e in extent]
+        counts = [scipy.fft.next_fast_len(n, real=True) for n in least]
         if max(counts) > MOST:
             raise SurfaceError(
                 f"waviness: a face of {1e3 * float(max(extent)):.3g} mm has too many patches of"

@@ -247,10 +247,8 @@ class Cycles:
         reduction, scene, approach = self._models.reduction, self._scene, sample.approach
         model, contact = reduction.of(sample.approach), sample.brake.contact
         hard = scene.micro is not None and scene.micro.hardness is not None
-        yields = np.array([
-            hard and table.law == "library" and approach not in PERFECT
-            for table in scene.contact.values()
-        ])  # fmt: skip
+        hard = hard and approach not in PERFECT
+        yields = np.array([hard and table.law == "library" for table in scene.contact.values()])
         followed = model.rows.followed
         law = friction_law(contact, approach, sample.values) if "T" in followed else None
         forces = PeriodForces(

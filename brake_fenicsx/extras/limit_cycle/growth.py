@@ -133,17 +133,14 @@ class GrowthBranch:
         alone goes on.
         """
         points, x = self.points[-3:], np.array(self.way[-3:])
-        w = np.array([
-            np.prod((way - np.delete(x, i)) / (x[i] - np.delete(x, i))) for i in range(x.size)
-        ])  # fmt: skip
+        others = [np.delete(x, i) for i in range(x.size)]
+        w = np.array([np.prod((way - o) / (own - o)) for own, o in zip(x, others, strict=True)])
         a = self.amplitude[-3:]
         amplitude = float(np.exp(w @ np.log(a) + (way - x[0]) * (x.size == 1)))
         shape = w * amplitude / a
-        return Vibration(
-            np.asarray(np.tensordot(shape, [v.a for v in points], 1), complex),
-            np.asarray(np.tensordot(shape, [v.y for v in points], 1), complex),
-            complex(w @ self.s[-3:]), amplitude,
-        )  # fmt: skip
+        coordinates = np.asarray(np.tensordot(shape, [v.a for v in points], 1), complex)
+        motions = np.asarray(np.tensordot(shape, [v.y for v in points], 1), complex)
+        return Vibration(coordinates, motions, complex(w @ self.s[-3:]), amplitude)
 
 
 def follow(

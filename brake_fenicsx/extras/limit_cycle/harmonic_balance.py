@@ -346,10 +346,8 @@ class PeriodForces:
         to_y, to_v = np.zeros((2, acting, blocks, *p.shape))
         to_y[:, 0], to_v[:, 1:] = moving.gap[:acting], moving.rate[:acting, rates]
         to_past = patch_forces(self.w, past, 0 * past, traction).value[:acting]
-        tangent = Tangent(
-            to_y, to_v if rates else None, to_past if past.any() else None,
-            np.argmin(y[0], axis=1),
-        )  # fmt: skip
+        more = to_v if rates else None, to_past if past.any() else None
+        tangent = Tangent(to_y, *more, np.argmin(y[0], axis=1))
         forces = (moving.value - still.value)[:acting]
         return forces.reshape(-1, y.shape[2]), tangent
 

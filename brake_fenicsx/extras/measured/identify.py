@@ -243,10 +243,8 @@ def _peak_rows(peaks: Peaks, end: Posterior) -> list[list[Value]]:
     """Measured peaks with their modes, then modes below the highest one that no peak has."""
     f = end.modes.frequency
     f = f[: max(int(np.sum(f < peaks.frequency.max(initial=0.0))), end.mode.max(initial=-1) + 1)]
-    rows = beside(
-        end.mode, [peaks.frequency], [np.arange(1, f.size + 1), f],
-        [f / peaks.frequency[:, None] - 1],
-    )  # fmt: skip
+    differences = [f / peaks.frequency[:, None] - 1]
+    rows = beside(end.mode, [peaks.frequency], [np.arange(1, f.size + 1), f], differences)
     return [[peaks.specimen, *row] for row in rows]
 
 

@@ -253,9 +253,8 @@ def _mode(lines: list[str]) -> Mode | None:
             x += _reals(next(rows, "")) or _short(line, len(x), numbers)
         if len(x) > numbers:
             _short(line, len(x), numbers)
-        shape[int(line)] = np.array(x[0::2]) + 1j * np.array(x[1::2]) if complex_values else (
-            np.array(x, dtype=complex)
-        )  # fmt: skip
+        values = np.array(x, complex)
+        shape[int(line)] = values[::2] + 1j * values[1::2] if complex_values else values
     return Mode(s, int(lines[6].split()[3]), shape)
 
 

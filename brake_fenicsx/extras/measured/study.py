@@ -26,6 +26,8 @@ from brake_fenicsx.scene import Scene, read_scene
 from .measured import ModalTest, read_modes
 from .part_modes import PartModes, part_modes, shapes_at
 
+Cells = Sequence[AnyArray]
+
 # Least MAC of a pair; largest ratio of its frequencies; frequencies of a doublet differ by less.
 LEAST, FARTHEST, DOUBLET = 0.5, 2.0, 5e-3
 # A combination of a doublet counts if the measured directions see this share of the one seen best.
@@ -152,11 +154,8 @@ def correlate(
     labels = [f"node {n}" for n in measured.label]
     check_distance(measured.file, labels, measured.points, name, distance, size)
     values = np.einsum("pac,pcm->pam", measured.axes, values)
-    pairs = paired(
-        measured.shapes[:, measured.seen], measured.frequency, values[measured.seen].T,
-        modes.frequency,
-    )  # fmt: skip
-    tested, computed = measured.frequency, modes.frequency
+    tested, computed, seen = measured.frequency, modes.frequency, measured.seen
+    pairs = paired(measured.shapes[:, seen], tested, values[seen].T, computed)
     rows = beside(
         pairs.mode,
         (np.arange(1, tested.size + 1), tested, measured.damping),
@@ -236,10 +235,7 @@ def check_distance(
         )
 
 
-def beside(
-    mode: Index, tests: Sequence[AnyArray], modes: Sequence[AnyArray],
-    both: Sequence[AnyArray],
-) -> list[list[Value]]:  # fmt: skip
+def beside(mode: Index, tests: Cells, modes: Cells, both: Cells) -> list[list[Value]]:
     """Measured resonances beside the modes that they are, then the modes that have none.
 
     Args:

@@ -119,10 +119,9 @@ def damped_region(s: Complex, high: float, wide: float, margin: float = RIM) -> 
     """
     wide *= high
     inner = s[np.abs(s.real) < margin * wide]
-    return Trapezium(
-        widest_gap(s.real, -margin * wide, -wide), widest_gap(s.real, wide, margin * wide), 0.0,
-        widest_gap(np.abs(inner.imag), high, margin * high),
-    )  # fmt: skip
+    left, right = ((-margin * wide, -wide), (wide, margin * wide))
+    top = widest_gap(np.abs(inner.imag), high, margin * high)
+    return Trapezium(widest_gap(s.real, *left), widest_gap(s.real, *right), 0.0, top)
 
 
 def count_zeros(

@@ -162,10 +162,9 @@ class ContactLinearisation:
             omega: end of the band [rad/s].
         """
         force, rate = w[elements] / omega**2, w[elements] / omega
-        return ContactLinearisation(
-            force * self.k[elements], force * self.friction[elements],
-            rate * self.along[elements], rate * self.across[elements],
-        )  # fmt: skip
+        k, friction = force * self.k[elements], force * self.friction[elements]
+        along, across = rate * self.along[elements], rate * self.across[elements]
+        return ContactLinearisation(k, friction, along, across)
 
     def after(self, A: AnyArray, rows: Rows) -> AnyArray:
         """A J, in the precision of A.

@@ -320,10 +320,8 @@ def higher(
         found = np.minimum(orders + np.clip(wanted - less, 0, MORE), np.maximum(HIGHEST, orders))
         if np.any(found > orders) and points(found) <= most:
             names = np.array(model.parameters.names or range(orders.size), dtype=str)
-            logger.info(
-                "reduced model: errors up to %.0e over the range of %s; made again, of degree %d",
-                lacking.error, ", ".join(names[found > orders]), found.max(),
-            )  # fmt: skip
+            said = "reduced model: errors up to %.0e over the range of %s; made again, of degree %d"
+            logger.info(said, lacking.error, ", ".join(names[found > orders]), found.max())
             return np.asarray(found), lacking.each
     return None
 
