@@ -208,9 +208,7 @@ def _integrate(pad: Face, disc: Face, o: Overlap, tests: _Tests) -> tuple[Any, .
     for face, x in ((pad, o.on_pad), (disc, o.on_disc)):
         weighted = np.einsum("pqa,pqm->pqam", psi, face.element.shape(x))
         both += [weighted.sum(axis=1), np.einsum("pqam,pqc->pamc", weighted, o.n)]
-    integrals = [
-        psi.sum(axis=1), np.einsum("pqa,pq->pa", psi, o.gap),
-        np.einsum("pqa,pqc->pac", psi, o.x), np.einsum("pqa,pqc->pac", psi, o.n), *both,
-    ]  # fmt: skip
+    vectors = [np.einsum("pqa,pqc->pac", psi, v) for v in (o.x, o.n)]
+    integrals = [psi.sum(axis=1), np.einsum("pqa,pq->pa", psi, o.gap), *vectors, *both]
     flat = [v.reshape(rows.size, *v.shape[2:]) for v in integrals]
     return rows, *flat, np.repeat(o.pad, a), np.repeat(o.disc, a)

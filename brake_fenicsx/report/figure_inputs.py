@@ -52,11 +52,9 @@ def surface_arrays(
     if recipe is not None:
         made = recipe.surface(seed, 0)
         psd = radial_psd(made)
-        out |= {
-            "artificial": made.heights, "artificial_size": made.size,
-            "artificial_q": psd.q, "artificial_C": psd.C, "artificial_hdf_z": z,
-            "artificial_hdf_density": kernel_density(made.heights.ravel(), z),
-        }  # fmt: skip
+        out |= {"artificial": made.heights, "artificial_size": made.size}
+        out |= {"artificial_q": psd.q, "artificial_C": psd.C, "artificial_hdf_z": z}
+        out["artificial_hdf_density"] = kernel_density(made.heights.ravel(), z)
     return out
 
 
@@ -127,10 +125,8 @@ def contact_maps(directory: Path) -> None:
         )
         for p in loads
     ]  # fmt: skip
-    store.save(
-        "contact_maps.npz",
-        heights=heights, size=size, p_over_E=loads,
-        pressures=np.array([s.pressure for s in solved], dtype=np.float32),
-        area_fraction=np.array([s.area_fraction for s in solved]),
-        separation=np.array([s.separation for s in solved]),
-    )  # fmt: skip
+    maps: dict[str, Any] = {"heights": heights, "size": size, "p_over_E": loads}
+    maps["pressures"] = np.array([s.pressure for s in solved], dtype=np.float32)
+    maps["area_fraction"] = np.array([s.area_fraction for s in solved])
+    maps["separation"] = np.array([s.separation for s in solved])
+    store.save("contact_maps.npz", **maps)

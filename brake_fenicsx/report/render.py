@@ -30,10 +30,9 @@ WIDE = 1.4  # views of a larger ratio of width and height stand below each other
 SCALE = 0.08  # largest displacement as drawn, as a share of the model's radius
 DISTANCE = 0.12  # between neighbouring bodies, likewise
 LIGHT: dict[str, Any] = {"ambient": 0.45, "diffuse": 0.65, "specular": 0.0}
-SHAPE = {  # how a mode shape is coloured
-    "scalars": "amplitude", "cmap": SHAPE_COLOURS, "clim": (0.0, 1.0), "show_scalar_bar": False,
-    **LIGHT,
-}  # fmt: skip
+# How a mode shape is coloured.
+SHAPE = LIGHT | {"scalars": "amplitude", "cmap": SHAPE_COLOURS, "clim": (0.0, 1.0)}
+SHAPE["show_scalar_bar"] = False
 
 
 def compose(

@@ -212,16 +212,17 @@ def _approach(
         said = {PROVEN: "", "counted": "not proven: "}.get(kinds[0], f"{kinds[0]}: ")
         mine = np.asarray(stored.modes["approach"] == name)
         verdict = stored.modes["verdict"][mine]
+        largest = np.fmax.reduce(eigenvalue_errors(stored.modes)[mine], initial=0.0)
         about |= {
-            "modes": int(mine.sum()), "counted_by": said + values("counted")[0],
+            "modes": int(mine.sum()),
+            "counted_by": said + values("counted")[0],
             "not_complete": sum(kind != PROVEN for kind in kinds),
             "tolerance_missed": sum(map(int, values("tolerance_missed"))),
-            "largest_error": float(np.fmax.reduce(eigenvalue_errors(stored.modes)[mine],
-                                                  initial=0.0)),
+            "largest_error": float(largest),
             "unstable": int((verdict == "unstable").sum()),
             "neutral": int((verdict == "neutral").sum()),
             "seconds_per_stability": float(np.median(values("stability_seconds"))),
-        }  # fmt: skip
+        }
     if rejected := values("rejected"):
         about["rejected_draws"] = sum(map(int, rejected))
     if beyond := max(map(float, values("beyond_laws")), default=0.0):

@@ -251,11 +251,9 @@ def _stored(run: RunData) -> StoredSamples | None:
 def _of_samples(run: RunData, stored: StoredSamples) -> dict[str, Any]:
     """Parts of a run that its samples tell."""
     in_effect = run.summary.get("in_effect", {})
-    parts: dict[str, Any] = {
-        "stored": stored, "samples": stored.samples, "extras": {},
-        "modes": stored.modes
-        if stored.modes.any or "stability" in in_effect.get("stages", ()) else None,
-    }  # fmt: skip
+    parts: dict[str, Any] = {"stored": stored, "samples": stored.samples, "extras": {}}
+    if stored.modes.any or "stability" in in_effect.get("stages", ()):
+        parts["modes"] = stored.modes
     for extra in extras():
         if extra.make_tables and not in_effect.keys().isdisjoint(extra.sections):
             tables = load(extra.make_tables)(stored)

@@ -128,10 +128,9 @@ def founders_of(store: Store, tasks: Sequence[Task]) -> ModeFamilies:
 def keep_founders(store: Store, tasks: Sequence[Task]) -> None:
     """Keep these families in the folder, for all blocks that are packed from now on."""
     made = founders_of(store, tasks)
-    store.save(
-        FOUNDERS, vectors=np.array(made.vectors), frequencies=np.array(made.frequencies),
-        grown=np.array([*made.grown], int), growing=np.array([*made.grown.values()]),
-    )  # fmt: skip
+    every = {"vectors": np.array(made.vectors), "frequencies": np.array(made.frequencies)}
+    grown = {"grown": np.array([*made.grown], int), "growing": np.array([*made.grown.values()])}
+    store.save(FOUNDERS, **every, **grown)
 
 
 def _added(members: ModeFamilies, data: Mapping[str, Any]) -> NDArray[np.int32]:

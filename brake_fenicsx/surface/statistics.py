@@ -163,11 +163,8 @@ def described(
     hdf = matched(*moments(pooled(heights))[1:], distribution) if johnson else measured(heights)
     fit = fit_bifractal(psd)
     strength, direction = anisotropy(scans, psd.band)
-    return {
-        "hdf": hdf, "psd": psd, "bifractal": fit,
-        "spectrum": spectrum_of(scans, psd, fit, spectrum),
-        "anisotropy": strength, "direction": direction,
-    }  # fmt: skip
+    spectra = {"psd": psd, "bifractal": fit, "spectrum": spectrum_of(scans, psd, fit, spectrum)}
+    return {"hdf": hdf, **spectra, "anisotropy": strength, "direction": direction}
 
 
 def given_statistics(

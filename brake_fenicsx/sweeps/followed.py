@@ -57,10 +57,8 @@ class Branches(Shown):
         """One row for each branch at each value where it is in the band."""
         branch, at = np.nonzero(np.isfinite(self.frequency))
         f, damping = self.frequency[branch, at], self.damping[branch, at]
-        return {
-            "branch": branch, "value": self.values[at], "frequency_hz": f, "damping": damping,
-            "real_1_s": -np.pi * f * damping,
-        }  # fmt: skip
+        place = {"branch": branch, "value": self.values[at]}
+        return {**place, "frequency_hz": f, "damping": damping, "real_1_s": -np.pi * f * damping}
 
     def _draw(self, *axes: Any) -> None:
         """Frequency and damping over the scalar; branches that squeal are coloured."""

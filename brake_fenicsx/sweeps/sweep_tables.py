@@ -282,8 +282,7 @@ class SweepTables:
         if critical:
             # JSON has no infinity, the value of a median beyond the sweep.
             median, low, high = (v if np.isfinite(v) else None for v in critical[0].quantile(0.5))
-            facts["critical_value_any_family"] = {
-                "median": median, "low": low, "high": high,
-                "samples": critical[0].values.size, "squeal_samples": critical[0].reached,
-            }  # fmt: skip
+            about = {"median": median, "low": low, "high": high}
+            counts = {"samples": critical[0].values.size, "squeal_samples": critical[0].reached}
+            facts["critical_value_any_family"] = {**about, **counts}
         return facts

@@ -174,10 +174,9 @@ def _say_misfit(peaks: Peaks, end: Posterior, error: float) -> None:
     rms = float(np.sqrt(np.mean(off**2))) if used.any() else 0.0
     below = np.flatnonzero(end.modes.frequency < peaks.frequency[-1])
     unheard = np.setdiff1d(below, end.mode).size
-    logger.info(
-        "specimen %s: %d of %d peaks have a mode, rms %.3g %%; %d steps, basis within %.1e",
-        peaks.specimen, used.sum(), used.size, 100 * rms, end.steps, end.basis_error,
-    )  # fmt: skip
+    said = "specimen %s: %d of %d peaks have a mode, rms %.3g %%; %d steps, basis within %.1e"
+    counts = peaks.specimen, used.sum(), used.size
+    logger.info(said, *counts, 100 * rms, end.steps, end.basis_error)
     if unheard or not used.all():
         logger.warning(
             "specimen %s: %d peaks fit no mode and are left out; %d modes below the highest peak"

@@ -102,11 +102,9 @@ def _mesh(path: Path) -> tuple[Array, Ints, Ints]:
 
 
 def _header(run: RunData) -> dict[str, Any]:
-    return {
-        "type": 151, "model_name": str(run.summary.get("name", run.directory.name))[:80],
-        "description": "complex modes, SI units", "db_app": "brake_fenicsx",
-        "program": "brake_fenicsx",
-    }  # fmt: skip
+    name = str(run.summary.get("name", run.directory.name))[:80]
+    by = dict.fromkeys(("db_app", "program"), "brake_fenicsx")
+    return {"type": 151, "model_name": name, "description": "complex modes, SI units", **by}
 
 
 def _model(points: Array, cells: Ints) -> list[dict[str, Any]]:

@@ -320,10 +320,8 @@ def _reordered(
         rows["R"] = -rows["R"]
     if not all(same(A, rows[name]) for name, A in original.interface.items()):
         return None
-    moved = replace(
-        original, dofs=other.dofs[dofs], elements=other.elements[elements], loads=loads,
-        points=None,
-    )  # fmt: skip
+    dofs, elements = other.dofs[dofs], other.elements[elements]
+    moved = replace(original, dofs=dofs, elements=elements, loads=loads, points=None)
     return MirrorImage(moved, signs, across)
 
 
