@@ -129,7 +129,7 @@ WRONG = [
 def test_wrong_zones(zone, said):
     with pytest.raises(SceneError, match=re.escape(said)) as error:
         read_scene(BLOCK, only(interface("a", LAW, zone)))
-    assert str(BLOCK) in str(error.value) and "\n" not in str(error.value)
+    assert str(BLOCK) in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -155,4 +155,4 @@ def test_wrong_zones(zone, said):
 def test_zones_that_do_not_fit_the_face(interfaces, said):
     with pytest.raises(SceneError, match=said) as error:
         assemble(BLOCK, MPI.COMM_SELF, only(*interfaces))
-    assert str(BLOCK) in str(error.value) and "\n" not in str(error.value)
+    assert str(BLOCK) in str(error.value)
