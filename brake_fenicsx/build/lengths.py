@@ -197,9 +197,8 @@ class MovingContact:
                         self._scene, name, b.mesh, b.elastic.free, MPI.COMM_SELF
                     )
                 if len(here.w) != len(there.w) or np.any(abs(here.points - there.points) > reach):
-                    raise SceneError(
-                        f"facets of contact.{name} come into contact or leave it: narrow the range"
-                    )
+                    raise SceneError(f"""facets of contact.{name} come into contact or leave it:
+                        narrow the range""")
                 every.append(there)
         finally:
             x[:] = before

@@ -114,9 +114,8 @@ def contact_elements(
     else:
         parts = facet_integrals(pad, disc, reach, discretisation == "quadrature", comm)
     if not parts.w.size or parts.w.sum() <= 0:
-        raise SceneError(
-            f"contact: the faces {faces[0]!r} and {faces[1]!r} do not oppose each other anywhere"
-        )
+        raise SceneError(f"""contact: the faces {faces[0]!r} and {faces[1]!r} do not oppose each
+            other anywhere""")
     return _elements(parts, free.size, motion)
 
 

@@ -165,11 +165,9 @@ def raised_friction(
         step *= GROWTH
     if shares[-1] == 1.0:
         return replace(found[-1], mu=mu)
-    raise NotConverged(
-        f"equilibrium: none was found at a friction coefficient of {largest:.3g}; the one without"
-        f" friction was followed up to {shares[-1] * largest:.3g} and no further: more friction"
-        " tips or locks a part; lower the friction, or change supports or loads"
-    )
+    raise NotConverged(f"""equilibrium: none was found at a friction coefficient of {largest:.3g};
+        the one without friction was followed up to {shares[-1] * largest:.3g} and no further: more
+        friction tips or locks a part; lower the friction, or change supports or loads""")
 
 
 def record(
@@ -214,9 +212,8 @@ def solved(J: Array, b: Array, elements: int) -> Array:
             x = _refined(J, b, chosen)
             return x if x is not None else la.solve(J, b)
     except (la.LinAlgError, ValueError) as error:
-        raise NotConverged(
-            "equilibrium: all contact elements open during the iteration; raise the load steps"
-        ) from error
+        raise NotConverged("""equilibrium: all contact elements open during the iteration; raise the
+            load steps""") from error
 
 
 def _refined(J: Array, b: Array, chosen: Mask) -> Array | None:
@@ -405,7 +402,5 @@ def corrected_equilibrium(
         if not defect < last:
             break
         f, last = corrected, defect
-    raise NotConverged(
-        f"equilibrium of changed bodies: corrections stall at a residual of {defect:.1e}; the"
-        " materials are too far from those of the scene"
-    )
+    raise NotConverged(f"""equilibrium of changed bodies: corrections stall at a residual of
+        {defect:.1e}; the materials are too far from those of the scene""")

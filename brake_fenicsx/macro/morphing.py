@@ -111,10 +111,8 @@ class Moving:
         if (found := matrix_series(at, len(self.usual))) is None:
             ends = (f"between {a:.4g} and {b:.4g} mm" for a, b in 1e3 * self.ends)
             ranges = " and ".join(ends)
-            raise InaccurateResult(
-                f"the stiffness of {', '.join(self.layers)} changes too much {ranges} for a series"
-                f" of degree {DEGREES[-1]}: narrow the range"
-            )
+            raise InaccurateResult(f"""the stiffness of {", ".join(self.layers)} changes too much
+                {ranges} for a series of degree {DEGREES[-1]}: narrow the range""")
         return found
 
     def _u(self, p: Array) -> Array:
@@ -194,10 +192,8 @@ def moving(
             for _ in range(HALVINGS):
                 middle = 0.5 * (good + bad)
                 good, bad = (good, middle) if mistake(middle) else (middle, bad)
-            raise SceneError(
-                f"{names}: at {said(p)}: {text}; the mesh holds to {said(good)}: narrow the range,"
-                " or take a mesh whose cells stand more"
-            )
+            raise SceneError(f"""{names}: at {said(p)}: {text}; the mesh holds to {said(good)}:
+                narrow the range, or take a mesh whose cells stand more""")
     layers = dict.fromkeys(layer for one in v for layer in deformed_layers(mesh, one))
     return Moving(
         tuple(layers), usual, ends, folds, v[:, mesh.domain.geometry.input_global_indices], slides
@@ -261,18 +257,14 @@ def _sliding(mesh: RawMesh, v: Array, faces: Mapping[str, str]) -> frozenset[str
         np.minimum.at(low, plane.ravel(), step.min(axis=1))
         np.maximum.at(high, plane.ravel(), step.max(axis=1))
         if np.max(high - low) > tolerance:
-            raise SceneError(
-                f"{key}: the length deforms or tilts the face {face}; a face that carries anything"
-                " may move as a whole alone, and one in contact along its plane as well: leave its"
-                " nodes in their places relative to each other, or run the scene once for each"
-                " value"
-            )
+            raise SceneError(f"""{key}: the length deforms or tilts the face {face}; a face that
+                carries anything may move as a whole alone, and one in contact along its plane as
+                well: leave its nodes in their places relative to each other, or run the scene once
+                for each value""")
         moves = np.abs(along).max() > tolerance
         if touches and moves:
             found.add(key)
         if key.startswith("ties.") and moves:
-            raise SceneError(
-                f"{key}: the length moves the face {face} sideways, over other facets; it may"
-                " move along its normal alone: run the scene once for each value"
-            )
+            raise SceneError(f"""{key}: the length moves the face {face} sideways, over other
+                facets; it may move along its normal alone: run the scene once for each value""")
     return frozenset(found)

@@ -96,14 +96,11 @@ class Factor(OfOneProcess):
                 options.delValue(name)
         F = pc.getFactorMatrix()
         if F.getMumpsInfog(1) < 0:
-            raise InaccurateResult(
-                f"MUMPS cannot factor the matrix: INFOG(1) = {F.getMumpsInfog(1)}"
-            )
+            raise InaccurateResult(f"""MUMPS cannot factor the matrix: INFOG(1) =
+                {F.getMumpsInfog(1)}""")
         if F.getMumpsInfog(28) > 0:
-            raise InaccurateResult(
-                "the stiffness is singular: a part can move freely; add supports (the command"
-                " check names part and direction)"
-            )
+            raise InaccurateResult("""the stiffness is singular: a part can move freely; add
+                supports (the command check names part and direction)""")
         self.negative_pivots: int = int(F.getMumpsInfog(12))
         self.gigabytes: float = F.getMumpsInfog(22) / 1e3
         self._F = F
@@ -331,10 +328,8 @@ class InterfaceFactor(Factor):
         seen = B @ x
         off = np.linalg.norm(seen - self.flexibility @ v) / np.linalg.norm(seen)
         if not (rest <= RESIDUAL and off <= DIFFERENCE):
-            raise InaccurateResult(
-                f"the factor of a body is wrong: residual {rest:.1e}, flexibility of the contact"
-                f" rows off by {off:.1e}"
-            )
+            raise InaccurateResult(f"""the factor of a body is wrong: residual {rest:.1e},
+                flexibility of the contact rows off by {off:.1e}""")
 
 
 def _call(name: str, *arguments: Any) -> None:

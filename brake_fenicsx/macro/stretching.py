@@ -247,11 +247,9 @@ def check_layer(mesh: Mesh, layer: str, thickness: float | None, faces: Mapping[
         with stretched(mesh, 2.0):
             grown = measured_area(mesh, ds) - area
         if grown > ROUND_OFF * area:
-            raise SceneError(
-                f"{key}: the face {face} lies on the sides of the layer {layer}, whose thickness is"
-                " random or swept; only flat faces across z may carry anything then: run the scene"
-                " once for each thickness"
-            )
+            raise SceneError(f"""{key}: the face {face} lies on the sides of the layer {layer},
+                whose thickness is random or swept; only flat faces across z may carry anything
+                then: run the scene once for each thickness""")
 
 
 def _check_flat(mesh: Mesh, layer: str, cells: NDArray[np.int32], thickness: float) -> None:
@@ -270,14 +268,9 @@ def _check_flat(mesh: Mesh, layer: str, cells: NDArray[np.int32], thickness: flo
         own = np.flatnonzero(body == number)
         low, high = z[own].min(), z[own].max()
         if abs(high - low - thickness) > SAME * thickness:
-            raise SceneError(
-                f"{key} = {1e3 * thickness:.6g} mm: the layer of the mesh is"
-                f" {1e3 * (high - low):.6g} mm thick along"
-                " z; write that"
-            )
+            raise SceneError(f"""{key} = {1e3 * thickness:.6g} mm: the layer of the mesh is
+                {1e3 * (high - low):.6g} mm thick along z; write that""")
         ends = np.minimum(z[own] - low, high - z[own])[shared[own]]
         if np.any(ends > SAME * thickness):
-            raise SceneError(
-                f"{key}: the layer meets others elsewhere than at its two ends across z; run the"
-                " scene once for each thickness"
-            )
+            raise SceneError(f"""{key}: the layer meets others elsewhere than at its two ends across
+                z; run the scene once for each thickness""")

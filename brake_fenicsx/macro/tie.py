@@ -259,10 +259,8 @@ def check_size(faces: list[Face]) -> None:
     """
     nodes = sum(np.unique(face.number).size for face in faces)
     if nodes > MOST_NODES:
-        raise SceneError(
-            f"{nodes} nodes of these faces, of which a mean motion couples each with all others;"
-            f" up to {MOST_NODES} can be: name a smaller face, or larger cells"
-        )
+        raise SceneError(f"""{nodes} nodes of these faces, of which a mean motion couples each with
+            all others; up to {MOST_NODES} can be: name a smaller face, or larger cells""")
 
 
 def _points(face: Face) -> tuple[Array, Array, Array]:

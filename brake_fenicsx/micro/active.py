@@ -251,9 +251,8 @@ class ElasticAnswer:
             try:
                 corner = cholesky(corner, lower=True, overwrite_a=True, check_finite=False)
             except LinAlgError:
-                raise NotConverged(
-                    "stiffness of the touching pixels: their influence is singular"
-                ) from None
+                raise NotConverged("""stiffness of the touching pixels: their influence is
+                    singular""") from None
             factor = np.zeros((n + m, n + m), order="F")
             factor[:n, :n], factor[n:, :n], factor[n:, n:] = self._factor, left.T, corner
             rest = 1.0 - left.T @ self._z

@@ -138,10 +138,8 @@ def _checked(curve: Array | str | Path) -> tuple[Array, Array, Mask]:
     largest = ("pressure", p[top], PRESSURES), ("closure", np.ptp(closure), CLOSURES)
     for what, value, (least, most) in largest:
         if not least <= value <= most:
-            raise SceneError(
-                f"{name}: a {what} up to {value:.3g}, where a test has {least:g} to {most:g} in"
-                " Pa and m (files: MPa and um); check the units"
-            )
+            raise SceneError(f"""{name}: a {what} up to {value:.3g}, where a test has {least:g} to
+                {most:g} in Pa and m (files: MPa and um); check the units""")
     loading = slice(0, top + 1)
     if np.corrcoef(p[loading], closure[loading])[0, 1] < 0.7 or p.min() < 0.0:
         raise SceneError(f"{name}: the closure does not rise with the pressure; check the columns")

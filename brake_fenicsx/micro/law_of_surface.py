@@ -91,9 +91,8 @@ def transversely_isotropic_modulus(C11: float, C13: float, C33: float, C44: floa
         2569.4
     """
     if not (C11 > 0.0 and C33 > 0.0 and C44 > 0.0 and C11 * C33 > C13**2):
-        raise SceneError(
-            f"C11 = {C11}, C13 = {C13}, C33 = {C33}, C44 = {C44} Pa: not positive definite"
-        )
+        raise SceneError(f"""C11 = {C11}, C13 = {C13}, C33 = {C33}, C44 = {C44} Pa: not positive
+            definite""")
     shear = 1.0 / C44 + 2.0 / (np.sqrt(C11 * C33) + C13)
     return float(2.0 * np.sqrt((C11 * C33 - C13**2) / C11 / shear))
 
@@ -141,17 +140,13 @@ class LawSettings:
             if (value := getattr(self, name)) is not None:
                 positive(**{name: value})
         if not (self.lowest < self.highest and 2 <= self.steps <= MOST_STEPS):
-            raise SceneError(
-                f"law from {self.lowest:.4g} to {self.highest:.4g} Pa in {self.steps} steps; give"
-                f" rising pressures and 2 to {MOST_STEPS} steps"
-            )
+            raise SceneError(f"""law from {self.lowest:.4g} to {self.highest:.4g} Pa in {self.steps}
+                steps; give rising pressures and 2 to {MOST_STEPS} steps""")
         if self.tolerance >= 1.0:
             raise SceneError(f"tolerance = {self.tolerance}; give less than 1, such as 1e-6")
         if self.hardness is not None and not self.highest < self.hardness:
-            raise SceneError(
-                f"hardness = {self.hardness:.4g} Pa: a law up to {self.highest:.4g} Pa needs more;"
-                " lower 'max_pressure'"
-            )
+            raise SceneError(f"""hardness = {self.hardness:.4g} Pa: a law up to {self.highest:.4g}
+                Pa needs more; lower 'max_pressure'""")
 
     @property
     def highest(self) -> float:

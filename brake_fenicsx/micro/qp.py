@@ -227,10 +227,9 @@ def projected_cg(
             g -= h
         else:
             add_to(g, -step, moved)
-    raise NotConverged(
-        f"contact on {h.shape[0]} x {h.shape[1]} pixels: certificate {certificate.gap:.2g} after "
-        f"{max_iterations} iterations, wanted {tolerance:.2g}; loosen 'tolerance'"
-    )
+    raise NotConverged(f"""contact on {h.shape[0]} x {h.shape[1]} pixels: certificate
+        {certificate.gap:.2g} after {max_iterations} iterations, wanted {tolerance:.2g}; loosen
+        'tolerance'""")
 
 
 class _Watch:

@@ -112,10 +112,8 @@ def contact_maps(directory: Path) -> None:
     how, names = load_laws(store.path("laws.npz")).settings, [f.name for f in fields(LawSettings)]
     heights, size = (surface.get(n, np.empty(0)) for n in ("artificial", "artificial_size"))
     if {*names} - {*how} or [*heights.shape] != [*how["shape"]]:
-        raise SceneError(
-            f"{store.path('laws.npz')}: made by an older version; run the scene again in a new"
-            " folder"
-        )
+        raise SceneError(f"""{store.path("laws.npz")}: made by an older version; run the scene again
+            in a new folder""")
     settings = LawSettings(**{name: how[name] for name in names})
     loads = np.array(MAP_LOADS) * min(1.0, settings.highest / settings.E_star / MAP_LOADS[-1])
     solved = [

@@ -154,10 +154,8 @@ class RunData:
         there |= {"drivers_contact": self.driver_maps} if self.driver_maps is not None else {}
         there |= {**self.causes, **self.sweep, **self.extras}
         if table not in there:
-            raise SceneError(
-                f"{self.directory}: no table {table!r}{likely(table, there)}; there are"
-                f" {', '.join(there)}"
-            )
+            raise SceneError(f"""{self.directory}: no table {table!r}{likely(table, there)}; there
+                are {", ".join(there)}""")
         return pd.DataFrame({name: there[table][name] for name in there[table]})
 
     def label(self, approach: str) -> str:

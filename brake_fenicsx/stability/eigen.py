@@ -163,10 +163,9 @@ def _symmetric(p: SplitProblem, high: float) -> Found:
     """
     shifted = symmetric.shifted_factor(p.K, p.M, high, symmetric.LARGEST_SHIFT)
     if shifted is None:
-        raise InaccurateResult(
-            "the stiffness is not positive semi-definite: eigenvalues kappa = -lambda^2 below"
-            f" {-symmetric.LARGEST_SHIFT * high:.2g} 1/s^2; look for a negative spring"
-        )
+        raise InaccurateResult(f"""the stiffness is not positive semi-definite: eigenvalues kappa =
+            -lambda^2 below {-symmetric.LARGEST_SHIFT * high:.2g} 1/s^2; look for a negative
+            spring""")
     modes = symmetric.symmetric_modes(p.K, p.M, *shifted, high)
     shifted[0].destroy()
     shapes = modes.Phi.astype(complex)
@@ -196,9 +195,8 @@ def _record(
     order, lam, spread, real = undamped_rows(f.kappa, error, band)
     missed = (residual > tolerance) & (backward > ROUND_OFF)
     if np.any(missed[order]):
-        raise NotConverged(
-            f"full order: relative residual {residual[order].max():.1e}, wanted {tolerance:.0e}"
-        )
+        raise NotConverged(f"""full order: relative residual {residual[order].max():.1e}, wanted
+            {tolerance:.0e}""")
     return Modes(
         lam, f.right[:, order], left[:, order], residual[order], spread, condition[order],
         counted_rows(lam, f.counting, zeta_max), time.perf_counter() - start, real,

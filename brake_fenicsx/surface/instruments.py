@@ -86,9 +86,8 @@ def read_instrument(
         try:
             reader = SurfaceTopography.open_topography(str(file))
         except CannotDetectFileFormat:
-            raise SurfaceError(
-                f"{file}: no reader knows this format; export it as text: {ACCEPTED}"
-            ) from None
+            raise SurfaceError(f"""{file}: no reader knows this format; export it as text:
+                {ACCEPTED}""") from None
         channels = reader.channels
         index = reader.default_channel.index if channel is None else channel
     if index not in range(len(channels)):
@@ -187,25 +186,20 @@ def read_x3p(file: Path, unit: float | None) -> tuple[Array, Array]:
 def _read(file: Path, archive: zipfile.ZipFile, unit: float | None) -> tuple[Array, Array]:
     main = ElementTree.fromstring(archive.read("main.xml"))
     if (kind := _text(main, "Record1/FeatureType")) not in (None, "SUR"):
-        raise SurfaceError(
-            f"{file}: an X3P of type {kind!r}; a surface on a grid, 'SUR', is needed"
-        )
+        raise SurfaceError(f"""{file}: an X3P of type {kind!r}; a surface on a grid, 'SUR', is
+            needed""")
     for axis in ("CX", "CY"):
         if (kind := _text(main, f"Record1/Axes/{axis}/AxisType")) != "I":
-            raise SurfaceError(
-                f"{file}: axis {axis} of type {kind!r}: its points have no constant distance, which"
-                " type 'I' has; export the scan on a regular grid"
-            )
+            raise SurfaceError(f"""{file}: axis {axis} of type {kind!r}: its points have no constant
+                distance, which type 'I' has; export the scan on a regular grid""")
     pixel = np.array([_number(main, f"Record1/Axes/{axis}/Increment") for axis in ("CX", "CY")])
     nx, ny, layers = (int(_number(main, f"Record3/MatrixDimension/Size{a}")) for a in "XYZ")
     if layers != 1 or min(nx, ny) < 1:
         raise SurfaceError(f"{file}: {nx} x {ny} x {layers} points; one layer of heights is needed")
     kind, link = _text(main, "Record1/Axes/CZ/DataType"), _text(main, ".//PointDataLink")
     if kind not in TYPES or link is None:
-        raise SurfaceError(
-            f"{file}: heights of type {kind!r}, or as text: types {', '.join(TYPES)} in a binary"
-            " file are read; export the scan so"
-        )
+        raise SurfaceError(f"""{file}: heights of type {kind!r}, or as text: types
+            {", ".join(TYPES)} in a binary file are read; export the scan so""")
     content = _part(archive, link, nx * ny * np.dtype(TYPES[kind]).itemsize)
     numbers = np.frombuffer(content, TYPES[kind], nx * ny).astype(float)
     increment, offset = (

@@ -85,10 +85,8 @@ def _check_coordinates(file: Path, spans: AnyArray, size: Any, shape: tuple[int,
     room = 0.01 + 1.0 / min(shape)  # a size may be that from the first to the last point
     fits = [np.allclose(ratio, unit, rtol=room, atol=0.0) for unit in METRES.values()]
     if not any(fits):
-        raise SurfaceError(
-            f"{file}: x and y of the file span {spans[0]:.6g} x {spans[1]:.6g}, which no unit makes"
-            f" {size[0]:.6g} x {size[1]:.6g} m; correct 'size' or leave it out"
-        )
+        raise SurfaceError(f"""{file}: x and y of the file span {spans[0]:.6g} x {spans[1]:.6g},
+            which no unit makes {size[0]:.6g} x {size[1]:.6g} m; correct 'size' or leave it out""")
 
 
 def _is_text(file: Path) -> bool:
@@ -160,19 +158,16 @@ def _read_numbers(
     if unit is None and table.unit is not None:
         unit = _metres(table.unit, f"{file}: the header")
     if unit is None:
-        raise SurfaceError(
-            f"{file}: a table of numbers names no unit of its heights; give 'height_unit', such as"
-            ' "um"'
-        )
+        raise SurfaceError(f"""{file}: a table of numbers names no unit of its heights; give
+            'height_unit', such as "um" """)
     if table.lengths is not None:
         return table.heights * unit, table.lengths * unit, "columns"
     if table.sides is None:
         return table.heights * unit, None, "matrix"
     unknown = [side for _, side in table.sides if side not in METRES]
     if unknown and size is None:
-        raise SurfaceError(
-            f"{file}: the header names no known unit of the sides ({unknown[0]!r}); give 'size'"
-        )
+        raise SurfaceError(f"""{file}: the header names no known unit of the sides ({unknown[0]!r});
+            give 'size'""")
     sides = np.array([value * METRES.get(side, np.nan) for value, side in table.sides])
     return table.heights.T * unit, sides, "header"
 

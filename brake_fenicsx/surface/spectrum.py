@@ -273,10 +273,9 @@ def fit_bifractal(psd: RadialPsd) -> BiFractal:
     """
     use = psd.reliable
     if use.sum() < 6:
-        raise SurfaceError(
-            f"bi-fractal fit: {use.sum()} rings between {psd.band[0]:.3g} and {psd.band[1]:.3g} "
-            "rad/m, at least 6 are needed; scan a larger area or give 'statistics'"
-        )
+        raise SurfaceError(f"""bi-fractal fit: {use.sum()} rings between {psd.band[0]:.3g} and
+            {psd.band[1]:.3g} rad/m, at least 6 are needed; scan a larger area or give
+            'statistics'""")
     scatter = psd.scatter[use]
     x, y = np.log(psd.q[use]), np.log(psd.C[use]) + 0.5 * scatter
     missed = MODEL

@@ -193,10 +193,8 @@ def given_statistics(
         distribution: ``"johnson"`` or ``"normal"``.
     """
     if distribution not in ("johnson", "normal"):
-        raise SurfaceError(
-            f"distribution = {distribution!r}: numbers hold no measured heights; choose 'johnson'"
-            " or 'normal', or name a scan"
-        )
+        raise SurfaceError(f"""distribution = {distribution!r}: numbers hold no measured heights;
+            choose 'johnson' or 'normal', or name a scan""")
     hdf = matched(S_q, S_sk, S_ku, distribution)
     if not (q_c > 0.0 and 0.0 < band[0] < band[1]):
         raise SurfaceError(f"q_c = {q_c} rad/m, band = {band} rad/m: give positive wave numbers")

@@ -222,11 +222,10 @@ def _family(
     powers, variance, low_share = _powers(psd, shape, np.array(size), low)
     field = translation_field(powers * (1.0 / variance), hdf, shape, np.array(size))
     if not abs(field.slope_ratio - 1.0) < WRONG:
-        raise SurfaceError(
-            f"artificial surfaces of {shape[0]} x {shape[1]} pixels have {field.slope_ratio:.3g}"
-            " times the rms slope of the spectrum: no surface has these heights and this spectrum;"
-            " check the scan for steps and noise, or choose another 'distribution'"
-        )
+        raise SurfaceError(f"""artificial surfaces of {shape[0]} x {shape[1]} pixels have
+            {field.slope_ratio:.3g} times the rms slope of the spectrum: no surface has these
+            heights and this spectrum; check the scan for steps and noise, or choose another
+            'distribution'""")
     return variance, low_share, field
 
 
@@ -243,10 +242,8 @@ def _powers(
     weighted = half_plane_weights(shape) * powers
     variance = float(weighted.sum())
     if not 0.0 < variance < np.inf:
-        raise SurfaceError(
-            f"the variance of the PSD on this grid is {variance:.3g} m^2; a rough surface needs"
-            " some roughness, and a finite one"
-        )
+        raise SurfaceError(f"""the variance of the PSD on this grid is {variance:.3g} m^2; a rough
+            surface needs some roughness, and a finite one""")
     below = float(weighted[q < lo * (1.0 - 1e-12)].sum()) / variance
     return powers, variance, below
 

@@ -124,9 +124,8 @@ def make_topography(
     """
     h, lengths = real(f"{source}: heights", heights), real(f"{source}: size", size)
     if h.ndim != 2 or min(h.shape) < 2:
-        raise SurfaceError(
-            f"{source}: heights of shape {h.shape}; a scan has at least 2 x 2 pixels"
-        )
+        raise SurfaceError(f"""{source}: heights of shape {h.shape}; a scan has at least 2 x 2
+            pixels""")
     if lengths.shape != (2,) or not np.all(lengths > 0.0):
         raise SurfaceError(f"{source}: size {size} m; give two positive lengths as 'size'")
     if np.isnan(h).all():
@@ -157,16 +156,13 @@ def on_grid_of(reference: Topography, scan: Topography) -> Topography:
         one, other = (
             " x ".join(f"{1e6 * float(v):.6g}" for v in t.pixel) for t in (scan, reference)
         )
-        raise SurfaceError(
-            f"pixels of {one} um, and of {other} um in {reference.source}: scans are averaged on"
-            " one grid; measure them alike, or correct surface.size, which applies to all"
-        )
+        raise SurfaceError(f"""pixels of {one} um, and of {other} um in {reference.source}: scans
+            are averaged on one grid; measure them alike, or correct surface.size, which applies to
+            all""")
     if scan.shape != reference.shape:
         (nx, ny), (mx, my) = scan.shape, reference.shape
-        raise SurfaceError(
-            f"{nx} x {ny} pixels, and {mx} x {my} in {reference.source}: scans are averaged on one"
-            f" grid; cut both to {min(nx, mx)} x {min(ny, my)} pixels"
-        )
+        raise SurfaceError(f"""{nx} x {ny} pixels, and {mx} x {my} in {reference.source}: scans are
+            averaged on one grid; cut both to {min(nx, mx)} x {min(ny, my)} pixels""")
     return replace(scan, size=reference.size)
 
 
@@ -188,9 +184,8 @@ def form(topo: Topography, level: str) -> Array:
     i, j = np.array([(i, k - i) for k in range(order + 1) for i in range(k + 1)]).T
     inside = topo.valid
     if inside.sum() < i.size:
-        raise SurfaceError(
-            f"{topo.source}: {inside.sum()} valid points cannot carry level = {level!r}"
-        )
+        raise SurfaceError(f"""{topo.source}: {inside.sum()} valid points cannot carry level =
+            {level!r}""")
     middle = topo.heights[inside].mean()  # taken off first: an instrument's zero may be far away
     h = np.where(inside, topo.heights - middle, 0.0)
     products = np.einsum("xi,xk->xik", x, x), np.einsum("yj,yl->yjl", y, y)

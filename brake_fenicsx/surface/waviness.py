@@ -72,10 +72,8 @@ class Waviness:
         least = [int(np.ceil(2.0 * e / step)) + PER_PATCH for e in extent]
         counts = [scipy.fft.next_fast_len(n, real=True) for n in least]
         if max(counts) > MOST:
-            raise SurfaceError(
-                f"waviness: a face of {1e3 * float(max(extent)):.3g} mm has too many patches of"
-                f" {1e3 * self.patch:.3g} mm; make the patches larger"
-            )
+            raise SurfaceError(f"""waviness: a face of {1e3 * float(max(extent)):.3g} mm has too
+                many patches of {1e3 * self.patch:.3g} mm; make the patches larger""")
         return (counts[0], counts[1]), step * np.array(counts)
 
     def _powers(self, shape: tuple[int, int], size: Array) -> Array:

@@ -268,10 +268,8 @@ class HarmonicBalance:
                 self._factors = None
             last = size
         self._factors = None
-        raise NotConverged(
-            f"limit cycle: no vibration of amplitude near {1e6 * guess.amplitude:.3g} um; take"
-            " more harmonics or points of time"
-        )
+        raise NotConverged(f"""limit cycle: no vibration of amplitude near
+            {1e6 * guess.amplitude:.3g} um; take more harmonics or points of time""")
 
     def _step(
         self, at: Vibration, condition: Condition, kept: float, phase: Complex

@@ -85,10 +85,9 @@ def identify(
         with_constants(parsed, material, _values(parsed, material, body, body.nominal))
     where = f"{peaks}: part {part!r}"
     if (count := body.count()) > MOST_MODES:
-        raise SceneError(
-            f"{where} has {count} modes below {highest:.4g} Hz, {BEYOND} times the highest peak;"
-            " name the column frequency_hz if it is in Hz, or leave out the highest peaks"
-        )
+        raise SceneError(f"""{where} has {count} modes below {highest:.4g} Hz, {BEYOND} times the
+            highest peak; name the column frequency_hz if it is in Hz, or leave out the highest
+            peaks""")
     lowest = fill_basis(body, prior)
     specimens = [_above(where, s, lowest * np.exp(-3 * prior), body) for s in specimens]
     each = [identified(body, s.frequency, prior, error) for s in specimens]
@@ -138,9 +137,8 @@ def _material(scene: Scene, part: str, name: str | None) -> str:
     chosen = name or layers.get("lining") or (known[0] if len(known) == 1 else None)
     if chosen not in known:
         hint = "name one with --material" if name is None else f"--material {name}: not of the part"
-        raise SceneError(
-            f"{scene.file}: parts.{part}: has the materials {', '.join(known)}; {hint}"
-        )
+        raise SceneError(f"""{scene.file}: parts.{part}: has the materials {", ".join(known)};
+            {hint}""")
     return str(chosen)
 
 
@@ -148,11 +146,9 @@ def _above(where: str, peaks: Peaks, limit: float, body: VariedBody) -> Peaks:
     """The peaks that may be elastic modes."""
     low = peaks.frequency < limit
     if low.all():
-        raise SceneError(
-            f"{where}: specimen {peaks.specimen}: all peaks lie below"
-            f" {min(limit, body.highest):.4g} Hz, where the part has no mode; name the column"
-            " frequency_khz if it is in kHz, or check materials and dimensions"
-        )
+        raise SceneError(f"""{where}: specimen {peaks.specimen}: all peaks lie below
+            {min(limit, body.highest):.4g} Hz, where the part has no mode; name the column
+            frequency_khz if it is in kHz, or check materials and dimensions""")
     if low.any():
         logger.warning(
             "%s: specimen %s: %d peaks below %.4g Hz left out: below the first mode whatever the"
@@ -278,10 +274,8 @@ def _target(scene: Scene, path: str | Path) -> Path:
         if file.exists():
             raise SceneError(f"--write {file}: is there already; name the scene or a new file")
         if file.resolve().parent != own.resolve().parent:
-            raise SceneError(
-                f"--write {file}: name a file in {own.resolve().parent}, from which the paths of"
-                " the scene start"
-            )
+            raise SceneError(f"""--write {file}: name a file in {own.resolve().parent}, from which
+                the paths of the scene start""")
     return file
 
 

@@ -86,9 +86,8 @@ def read_modes(path: str | Path) -> ModalTest:
     sets = read_sets(file, (*NODES, *SYSTEMS, UNITS))
     modes = modes_of(file, sets)
     if not set(NODES) & {d["type"] for d in sets}:
-        raise SceneError(
-            f"{file}: contains no nodes (dataset 15 or 2411); export the geometry of the test too"
-        )
+        raise SceneError(f"""{file}: contains no nodes (dataset 15 or 2411); export the geometry of
+            the test too""")
     place = nodes_of(file, sets)
     labels = sorted(set[int].intersection(*({*mode.shape} for mode in modes)))
     without = [n for n in labels if n not in place]
@@ -134,11 +133,9 @@ def modes_of(file: Path, sets: list[dict[str, Any]]) -> list[Mode]:
     modes = read_mode_sets(file)
     if not modes:
         kinds = dict.fromkeys(str(d["type"]) for d in sets)
-        raise SceneError(
-            f"{file}: contains no modes (dataset 55, normal or complex) but"
-            f" {', '.join(kinds) or 'no dataset at all'}; export nodes and modes; of frequency"
-            " responses (58) identify the modes first, in the test software or with sdypy-EMA"
-        )
+        raise SceneError(f"""{file}: contains no modes (dataset 55, normal or complex) but
+            {", ".join(kinds) or "no dataset at all"}; export nodes and modes; of frequency
+            responses (58) identify the modes first, in the test software or with sdypy-EMA""")
     return modes
 
 
@@ -160,10 +157,8 @@ def _systems(
         elif s["type"] == 18:
             for i, n in enumerate(s["cs_num"]):
                 if s["ref_cs_num"][i]:
-                    raise SceneError(
-                        f"{file}: dataset 18: system {n:.0f} refers to another one; export"
-                        " coordinate systems in global coordinates"
-                    )
+                    raise SceneError(f"""{file}: dataset 18: system {n:.0f} refers to another one;
+                        export coordinate systems in global coordinates""")
                 x, inside = (s[k][i] - s["ref_o"][i] for k in ("x_point", "xz_point"))
                 y = np.cross(inside, x)
                 rows = np.array([x, y, np.cross(x, y)])
@@ -186,10 +181,9 @@ def nodes_of(file: Path, sets: list[dict[str, Any]]) -> dict[int, tuple[Array, A
             own, shown = int(s["def_cs"][i]) if s["type"] == 15 else 0, int(s["disp_cs"][i])
             for used in {own, shown}:
                 if systems.get(used, (SPHERICAL,))[0] >= SPHERICAL:
-                    raise SceneError(
-                        f"{file}: node {n}: coordinate system {used} is missing or neither"
-                        " Cartesian nor cylindrical; export the nodes in global coordinates"
-                    )
+                    raise SceneError(f"""{file}: node {n}: coordinate system {used} is missing or
+                        neither Cartesian nor cylindrical; export the nodes in global
+                        coordinates""")
             kind, rows, origin = systems[own]
             if kind == CYLINDRICAL:
                 angle = np.radians(x[1])

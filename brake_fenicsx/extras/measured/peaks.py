@@ -74,17 +74,13 @@ def _table(file: Path) -> list[Peaks]:
     ] or [[]]
     unit, *more = [name for name in heading if name in UNITS] or [""]
     if not unit or more or {*heading} - {*UNITS, "q", "specimen"}:
-        raise SceneError(
-            f"{file}: the heading is {','.join(heading)}; write one of {', '.join(UNITS)}, and q"
-            " and specimen if there are any"
-        )
+        raise SceneError(f"""{file}: the heading is {",".join(heading)}; write one of
+            {", ".join(UNITS)}, and q and specimen if there are any""")
     specimens: dict[str, list[tuple[float, float]]] = {}
     for number, cells in enumerate(rows, start=1):
         if len(cells) > len(heading):
-            raise SceneError(
-                f"{file}: peak {number}: more cells than the heading has; write decimals with a"
-                " point, not a comma"
-            )
+            raise SceneError(f"""{file}: peak {number}: more cells than the heading has; write
+                decimals with a point, not a comma""")
         row = dict(zip(heading, cells, strict=False))
         words = {name: row.get(name, "").replace(decimal, ".") for name in (unit, "q")}
         peak, q = (_number(file, number, *word) for word in words.items())
@@ -107,26 +103,21 @@ def _poles(file: Path) -> Complex:
     try:
         ema = import_module("sdypy.EMA")
     except ImportError:
-        raise SceneError(
-            f"{file}: contains frequency responses (dataset 58) and no modes; pip install"
-            " sdypy-EMA, which finds modes in them, or export modes as dataset 55"
-        ) from None
+        raise SceneError(f"""{file}: contains frequency responses (dataset 58) and no modes; pip
+            install sdypy-EMA, which finds modes in them, or export modes as dataset
+            55""") from None
     sets = (d for d in read_sets(file, (RESPONSES,)) if d["type"] == RESPONSES)
     x = [np.asarray(d["x"]) for d in sets if d["func_type"] == RESPONSE]
     if not x or any(f.shape != x[0].shape or not np.allclose(f, x[0]) for f in x):
-        raise SceneError(
-            f"{file}: dataset 58: {len(x)} frequency responses (function type 4), or not all at the"
-            " same frequencies; export frequency responses of one frequency axis"
-        )
+        raise SceneError(f"""{file}: dataset 58: {len(x)} frequency responses (function type 4), or
+            not all at the same frequencies; export frequency responses of one frequency axis""")
     model = ema.Model(lower=x[0][1], upper=x[0][-1], pol_order_high=ORDERS)
     try:
         model.read_uff(str(file))
         model.get_poles(show_progress=False)
     except Exception as error:  # sdypy-EMA raises nothing narrower
-        raise SceneError(
-            f"{file}: dataset 58: sdypy-EMA fails ({type(error).__name__}: {error}); export modes"
-            " as dataset 55"
-        ) from None
+        raise SceneError(f"""{file}: dataset 58: sdypy-EMA fails ({type(error).__name__}: {error});
+            export modes as dataset 55""") from None
     orders, found = [np.asarray(poles) for poles in model.all_poles[-ORDER:]], []
     for s in (s for s in orders[-1] if s.imag > 0 > s.real):
         nearest = np.array([poles[np.argmin(np.abs(poles - s))] for poles in orders])

@@ -110,16 +110,12 @@ def _measured(
     kinds = s["ordinate_spec_data_type"], s["orddenom_spec_data_type"]
     where = f"{file}: dataset 58: response of node {ends[1][0]} to node {ends[0][0]}"
     if kinds[0] not in ORDER or kinds[1] != FORCE:
-        raise SceneError(
-            f"{where}: specific data types {kinds[0]} over {kinds[1]}; export displacements (8),"
-            " velocities (11) or accelerations (12) over forces (13)"
-        )
+        raise SceneError(f"""{where}: specific data types {kinds[0]} over {kinds[1]}; export
+            displacements (8), velocities (11) or accelerations (12) over forces (13)""")
     for node, along in ends:
         if node not in place or not 1 <= abs(along) <= 3:
-            raise SceneError(
-                f"{where}: node {node}, direction {along}: export the nodes (dataset 2411 or 15),"
-                " and directions 1 to 3 or -1 to -3"
-            )
+            raise SceneError(f"""{where}: node {node}, direction {along}: export the nodes (dataset
+                2411 or 15), and directions 1 to 3 or -1 to -3""")
     points = np.array([place[node][0] for node, _ in ends])
     directions = np.array([np.sign(d) * place[node][1][abs(d) - 1] for node, d in ends])
     names = [f"node {node} {'-' if d < 0 else ''}{'xyz'[abs(d) - 1]}" for node, d in ends]
@@ -144,10 +140,8 @@ def _asked(file: Path) -> Iterator[Response]:
             turned = [np.eye(3)["xyz".index(cells[k][-1:] or "?")] for k in (3, 7)]
             signs = [{"": 1, "+": 1, "-": -1}[cells[k][:-1]] for k in (3, 7)]
         except (ValueError, IndexError, KeyError):
-            raise SceneError(
-                f"{file}: line {line}: {','.join(cells)}: write numbers [mm], and directions x, y,"
-                " z, -x, -y or -z"
-            ) from None
+            raise SceneError(f"""{file}: line {line}: {",".join(cells)}: write numbers [mm], and
+                directions x, y, z, -x, -y or -z""") from None
         names = f"line {line} {cells[3]}", f"line {line} {cells[7]}"
         directions = np.array(turned) * np.array(signs)[:, None]
         yield Response(names, points, directions, 0, np.zeros(0), np.zeros(0, complex))
@@ -218,10 +212,8 @@ def _band(scene: Scene, asked: Sequence[Response]) -> tuple[float, ...]:
     if scene.stability is not None:
         return scene.stability.band
     if not asked[0].frequency.size:
-        raise SceneError(
-            f"{scene.file}: stability.band: is missing; responses without a test are computed in"
-            " the band"
-        )
+        raise SceneError(f"""{scene.file}: stability.band: is missing; responses without a test are
+            computed in the band""")
     return 0.0, np.inf
 
 
@@ -247,10 +239,8 @@ def _inside(file: Path, r: Response, band: tuple[float, ...]) -> Response:
     """A response in the band of the scene."""
     kept = (r.frequency >= band[0]) & (r.frequency <= band[1])
     if r.frequency.size and not kept.any():
-        raise SceneError(
-            f"{file}: dataset 58: response of {r.names[1]}: no frequency in stability.band,"
-            f" {band[0]:g} to {band[1]:g} Hz"
-        )
+        raise SceneError(f"""{file}: dataset 58: response of {r.names[1]}: no frequency in
+            stability.band, {band[0]:g} to {band[1]:g} Hz""")
     return replace(r, frequency=r.frequency[kept], value=r.value[kept])
 
 

@@ -145,10 +145,8 @@ def correlate(
     highest = BEYOND * float(measured.frequency.max())
     modes = part_modes(parsed, name, measured.points, highest, supported)
     if not modes.frequency.size:
-        raise SceneError(
-            f"{measured.file}: part {name!r} has no elastic mode below {highest:.0f} Hz,"
-            f" {BEYOND} times the highest measured frequency; check materials and --part"
-        )
+        raise SceneError(f"""{measured.file}: part {name!r} has no elastic mode below {highest:.0f}
+            Hz, {BEYOND} times the highest measured frequency; check materials and --part""")
     values, distance, size = shapes_at(modes, measured.points)
     _check_extent(measured, name, size)
     labels = [f"node {n}" for n in measured.label]
@@ -194,9 +192,8 @@ def part_name(scene: Scene, name: str | None) -> str:
     if name is not None and name not in known:
         given = "given by matrices: correlate it in the code that wrote them"
         why = given if name in scene.parts else "no such part"
-        raise SceneError(
-            f"{scene.file}: --part {name}: {why}; of parts with a mesh there are {', '.join(known)}"
-        )
+        raise SceneError(f"""{scene.file}: --part {name}: {why}; of parts with a mesh there are
+            {", ".join(known)}""")
     return name or known[0]
 
 
@@ -204,10 +201,8 @@ def _check_extent(measured: ModalTest, part: str, size: Array) -> None:
     """Refuse points that all lie in one place of the part."""
     extent = float(np.ptp(measured.points, axis=0).max())
     if extent < size.min():
-        raise SceneError(
-            f"{measured.file}: all nodes lie within {1e3 * extent:.3g} mm, half a facet of part"
-            f" {part!r} ({1e3 * size.min():.3g} mm): {REMEDY}"
-        )
+        raise SceneError(f"""{measured.file}: all nodes lie within {1e3 * extent:.3g} mm, half a
+            facet of part {part!r} ({1e3 * size.min():.3g} mm): {REMEDY}""")
 
 
 def check_distance(
@@ -229,10 +224,9 @@ def check_distance(
     i = int(np.argmax(distance / size))
     if distance[i] > size[i]:
         place = ", ".join(f"{1e3 * x:.4g}" for x in points[i])
-        raise SceneError(
-            f"{file}: {label[i]} at ({place}) mm is {1e3 * distance[i]:.4g} mm from the"
-            f" surface of part {part!r}, more than half a facet ({1e3 * size[i]:.3g} mm): {REMEDY}"
-        )
+        raise SceneError(f"""{file}: {label[i]} at ({place}) mm is {1e3 * distance[i]:.4g} mm from
+            the surface of part {part!r}, more than half a facet ({1e3 * size[i]:.3g} mm):
+            {REMEDY}""")
 
 
 def beside(mode: Index, tests: Cells, modes: Cells, both: Cells) -> list[list[Value]]:

@@ -48,11 +48,9 @@ def export_modes(directory: str | Path | RunData) -> Path:
     there = [name for name in run.approaches if complete and _file(run, name).is_file()]
     stored = [(key, shape) for name in there for key, shape in _shapes(run, name)]
     if not stored:
-        raise SceneError(
-            f"{run.directory}/fields: contains no mode shapes; a run stores those of its most"
-            ' severe squeal modes: run the scene with stages = [..., "stability",'
-            ' "report"] and, if no mode squeals, a lower stability.threshold or more friction'
-        )
+        raise SceneError(f"""{run.directory}/fields: contains no mode shapes; a run stores those of
+            its most severe squeal modes: run the scene with stages = [..., "stability", "report"]
+            and, if no mode squeals, a lower stability.threshold or more friction""")
     points, cells, used = _mesh(_file(run, stored[0][0].approach))
     sets = [_header(run), {"type": 164, **SI}, *_model(points, cells)]
     sets += [_mode(run, i, key, shape[used]) for i, (key, shape) in enumerate(stored, start=1)]

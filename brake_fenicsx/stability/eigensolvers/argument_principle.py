@@ -175,9 +175,8 @@ def turn_along(phase: Callable[[complex], complex], path: Complex, most: int = 2
     def turn(a: complex, b: complex, at_a: complex, at_b: complex) -> float:
         nonlocal evaluated
         if evaluated >= most or not abs(b - a) > shortest:
-            raise InaccurateResult(
-                "count of modes: an eigenvalue lies on the edge of the band; move the band a little"
-            )
+            raise InaccurateResult("""count of modes: an eigenvalue lies on the edge of the band;
+                move the band a little""")
         evaluated += 1
         middle = 0.5 * (a + b)
         at_middle = phase(middle)

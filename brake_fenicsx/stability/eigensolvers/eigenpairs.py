@@ -156,10 +156,8 @@ def nearest_modes(
                 return _polished(apply, V[:, :size], sigma, theta[near], s[:, near])
         if size <= room:
             H[size : size + new.shape[1], first:size] = coupling
-    raise NotConverged(
-        f"block Arnoldi: {size} vectors do not give all modes; take a narrower band, or a smaller"
-        " zeta_max where bodies are strongly damped"
-    )
+    raise NotConverged(f"""block Arnoldi: {size} vectors do not give all modes; take a narrower
+        band, or a smaller zeta_max where bodies are strongly damped""")
 
 
 def _polished(
@@ -346,9 +344,8 @@ def matched(
     rows, columns = linear_sum_assignment(distance)
     far = distance[rows, columns] > MATCH * reach
     if rows.size < inside.size or np.any(far):
-        raise InaccurateResult(
-            f"{inside.size} right eigenvectors, {rows.size - far.sum()} of them with a left one"
-        )
+        raise InaccurateResult(f"""{inside.size} right eigenvectors, {rows.size - far.sum()} of them
+            with a left one""")
     return inside, columns
 
 

@@ -107,9 +107,8 @@ def count_below(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[int, 
         count = factor.negative_pivots
         factor.destroy()
         return count, at
-    raise InaccurateResult(
-        f"inertia: K - kappa M is singular at and near {np.sqrt(abs(kappa)) / 2 / np.pi:.6g} Hz"
-    )
+    raise InaccurateResult(f"""inertia: K - kappa M is singular at and near
+        {np.sqrt(abs(kappa)) / 2 / np.pi:.6g} Hz""")
 
 
 def symmetric_modes(
@@ -184,10 +183,8 @@ def complete(
         expected, limit = count_below(K, M, limit * (1 + 100 * ON_EDGE))
     inside = kappa < limit
     if inside.sum() != expected:
-        raise InaccurateResult(
-            f"{inside.sum()} modes found below {np.sqrt(limit) / 2 / np.pi:.6g} Hz without"
-            f" friction, inertia counts {expected}"
-        )
+        raise InaccurateResult(f"""{inside.sum()} modes found below {np.sqrt(limit) / 2 / np.pi:.6g}
+            Hz without friction, inertia counts {expected}""")
     return inside, limit
 
 

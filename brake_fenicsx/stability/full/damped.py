@@ -145,9 +145,8 @@ def damped_modes(
     R, MX = pencil.times(s, right), eigenpairs.times(pencil.M, right)
     residual, backward = eigenpairs.residuals(pencil, s, right, R, MX)
     if np.any((residual > tolerance) & (backward > eigenpairs.ROUND_OFF)):
-        raise NotConverged(
-            f"damped modes: relative residual {residual.max():.1e}, wanted {tolerance:.0e}"
-        )
+        raise NotConverged(f"""damped modes: relative residual {residual.max():.1e}, wanted
+            {tolerance:.0e}""")
     return Modes(
         s, right, left, residual, error[rows], condition[rows],
         replace(counting, expected=s.size), time.perf_counter() - start,

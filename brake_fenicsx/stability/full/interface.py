@@ -307,6 +307,5 @@ def agree(found: int, expected: int, high: float, by: str) -> None:
         InaccurateResult: they differ.
     """
     if found != expected:
-        raise InaccurateResult(
-            f"{found} modes found up to {np.sqrt(high) / 2 / np.pi:g} Hz, {by} counts {expected}"
-        )
+        raise InaccurateResult(f"""{found} modes found up to {np.sqrt(high) / 2 / np.pi:g} Hz, {by}
+            counts {expected}""")

@@ -135,9 +135,8 @@ class ContactLinearisation:
         for name, value in named.items():
             given = np.asarray(value, dtype=float)
             if k.ndim != 1 or given.shape not in ((), k.shape):
-                raise SceneError(
-                    f"{name}: shape {given.shape}, one value for each contact element is needed"
-                )
+                raise SceneError(f"""{name}: shape {given.shape}, one value for each contact element
+                    is needed""")
             if not np.all(np.isfinite(given)):
                 raise SceneError(f"{name}: a value is not finite")
             out[name] = np.broadcast_to(given, k.shape)

@@ -200,10 +200,8 @@ class Reduced:
         own, areas = whole(K), np.asarray(w, float)
         for name, A in (("N", N), ("T", T)):
             if not sp.issparse(A) or A.shape != (areas.size, own.shape[0]):
-                raise SceneError(
-                    f"{name}: a sparse matrix of shape ({areas.size}, {own.shape[0]}) is needed,"
-                    " one row for each contact element and one column for each dof"
-                )
+                raise SceneError(f"""{name}: a sparse matrix of shape ({areas.size}, {own.shape[0]})
+                    is needed, one row for each contact element and one column for each dof""")
         for name, value in (("k0", np.asarray(k0, float)), ("w", areas)):
             if value.shape not in ((), areas.shape):
                 raise SceneError(f"{name}: shape {value.shape}; give one value, or one per element")

@@ -297,9 +297,8 @@ class ReducedModel:
     ) -> Sample:
         """The reduced problem of a sample; arguments as for ``modes``, bodies other than ``at``."""
         if contact.k.shape != self._w.shape:
-            raise SceneError(
-                f"k: {contact.k.size} values for {self._w.size} contact elements of the model"
-            )
+            raise SceneError(f"""k: {contact.k.size} values for {self._w.size} contact elements of
+                the model""")
         x, views = np.asarray(p, float), self.at(p) if views is None else views
         # One open element in place of none: its force is zero. There may be no element at all.
         elements, n = contact.closed, self._w.size

@@ -161,11 +161,10 @@ class SampleProblem:
             sizes.append(float(la.norm(T[m])) * end**m)
             if m >= LEAST[rates] and max(sizes[-2 if rates else -1 :]) <= SETTLED * sizes[0]:
                 return np.array(y), np.array(T)
-        raise InaccurateResult(
-            "the motions of the contact are no short series in lambda: its forces that follow rates"
-            " (damping of sliding mu p / V, or falling friction) are too strong for the reduced"
-            ' model; use stability.method = "full", or stability.on_tolerance = "full order"'
-        )
+        raise InaccurateResult("""the motions of the contact are no short series in lambda: its
+            forces that follow rates (damping of sliding mu p / V, or falling friction) are too
+            strong for the reduced model; use stability.method = "full", or stability.on_tolerance =
+            "full order" """)
 
     def quotient(self, found: Zeros) -> Quotient:
         """The two-sided quotient with all coefficients, for some zeros."""
