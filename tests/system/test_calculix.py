@@ -3,14 +3,20 @@
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 from scipy.sparse.linalg import eigsh
 
+import small_decks
+from brake_fenicsx.build.bodies import assemble_bodies
 from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.scene_mesh import scene_mesh
+from brake_fenicsx.extras.decks.draft.text import write_scene
 from brake_fenicsx.extras.decks.superelement import read_superelement
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.parts_section import Matrices
@@ -49,6 +55,32 @@ def test_flutter_of_a_block(bench, tmp_path):
     assert (grows > 1.0).sum() == 1
     assert growth[grows > 1.0] == pytest.approx(grows[grows > 1.0], rel=0.03)
     assert growth[grows <= 1.0] == pytest.approx(0.0, abs=1.0)
+
+
+def test_a_deck_and_the_scene_of_init(tmp_path):
+    """Mass and modes of the deck in CalculiX are those of its scene, to the digits printed: lining
+    of nine constants, supports of sets and single nodes; contact has no part in these modes."""
+    nine = "*ELASTIC, TYPE=ENGINEERING CONSTANTS\n8e3,7e3,2e3,.31,.33,.32,3e3,1.2e3\n1.1e3\n"
+    said = "*EL PRINT, ELSET=BLOCK, TOTALS=ONLY\nEMAS\n*EL PRINT, ELSET=PLATE, TOTALS=ONLY\nEMAS\n"
+    text = small_decks.deck(
+        materials=small_decks.MATERIALS.replace("*ELASTIC\n2000., 0.3\n", nine), pressed="",
+        held="*BOUNDARY\nBOTTOM, 1, 3\nTOP, 1, 2\n3, 1\n6, 1\n12, 1\n15, 1\n",
+        modes=f"*STEP\n*FREQUENCY\n8\n{said}*END STEP\n",
+    )  # fmt: skip
+    deck = tmp_path / "deck.inp"
+    deck.write_text(text)
+    subprocess.run(["ccx", "deck"], cwd=tmp_path, capture_output=True, check=True)
+    words = [line.split() for line in (tmp_path / "deck.dat").read_text().splitlines()]
+    mass = [float(words[i + 2][0]) for i, row in enumerate(words) if row[1:3] == ["mass", "for"]]
+    theirs = [float(row[1]) for row in words if len(row) == 5 and row[0].isdigit()]
+    write_scene(deck, tmp_path / "deck.toml")
+    scene = read_scene(tmp_path / "deck.toml", ["mesh.degree=1"])
+    mesh = scene_mesh(scene, MPI.COMM_SELF)
+    elastic = assemble_bodies(scene, mesh)
+    ours = eigh(elastic.K.toarray(), elastic.M.toarray(), eigvals_only=True)[: len(theirs)]
+    np.testing.assert_allclose(ours, theirs, rtol=2e-6, atol=1e-6 * theirs[-1])
+    free = assemble_bodies(replace(scene, supports={}), mesh)
+    assert free.M.sum() / 3 == pytest.approx(1e3 * sum(mass[:2]), rel=1e-6)
 
 
 def test_matrices_of_a_body_from_calculix(bench, tmp_path):

@@ -244,9 +244,9 @@ def _nodes(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     if options.get("SYSTEM", "R").upper() != "R":
         raise SceneError("nodes and elements must be written one by one in Cartesian axes")
     for row in block.rows:
-        if len(row) < 4:
+        if len(row) < 3:
             raise SceneError(f"node {row[0]} has not 3 coordinates; is the file whole?")
-        scope.nodes[int(row[0])] = [float(v or 0.0) for v in row[1:4]]
+        scope.nodes[int(row[0])] = [float(v or 0.0) for v in [*row, ""][1:4]]
     if "NSET" in options:
         scope.add(scope.nsets, options["NSET"], [int(row[0]) for row in block.rows])
 

@@ -294,13 +294,48 @@ def test_cylindrical_axes_of_nodes_are_left_out(drafted):
     assert "block.top" not in scene.supports and len(lost) == 2
 
 
+QUADRATIC = """*NODE
+1, 0., 0., 0.\n2, 20., 0., 0.\n3, 20., 20., 0.\n4, 0., 20., 0.
+5, 0., 0., 20.\n6, 20., 0., 20.\n7, 20., 20., 20.\n8, 0., 20., 20.
+9, 10., 0., 0.\n10, 20., 10., 0.\n11, 10., 20., 0.\n12, 0., 10., 0.
+13, 10., 0., 20.\n14, 20., 10., 20.\n15, 10., 20., 20.\n16, 0., 10., 20.
+17, 0., 0., 10.\n18, 20., 0., 10.\n19, 20., 20., 10.\n20, 0., 20., 10.
+*ELEMENT, TYPE=C3D20, ELSET=BLOCK
+1, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14,
+15, 16, 17, 18, 19, 20
+*MATERIAL, NAME=IRON
+*ELASTIC
+125000., 0.24
+*DENSITY
+7.2e-9
+*SOLID SECTION, ELSET=BLOCK, MATERIAL=IRON
+*BOUNDARY
+LOW, 1, 3
+*NSET, NSET=LOW
+"""
+
+
+@pytest.mark.parametrize(("nodes", "left"), [("", 0), (", 5", 1), (", 13, 17", 2), (", 1, 1", 0)])
+def test_nodes_of_a_set_on_no_whole_facet(nodes, left, tmp_path):
+    """Corners and middle nodes beside the lower face, which are held in the deck alone: a line."""
+    (tmp_path / "deck.inp").write_text(f"{QUADRATIC}1, 2, 3, 4, 9, 10, 11, 12{nodes}\n")
+    write_scene(tmp_path / "deck.inp", tmp_path / "deck.toml")
+    assert read_scene(tmp_path / "deck.toml").supports == {"block.low": ("x", "y", "z")}
+    said = [
+        line for line in (tmp_path / "deck.toml").read_text().splitlines() if "no whole" in line
+    ]
+    words = f'"LOW": {left} node{"s" * (left > 1)} on no whole facet of it'
+    assert said == [f"# not taken over: {words}"] * (left > 0)
+
+
 AWAY = "*NODE, NSET=REF\n999, 30., 15., 30.\n*COUPLING, REF NODE=999, SURFACE=BACK\n"
 LUMPED = "*ELEMENT, TYPE=MASS, ELSET=L\n9999, 999\n*MASS, ELSET=L\n1e-5\n"
 
 
 def test_reference_nodes_away_from_their_faces(drafted):
     """10 mm above the middle of BACK: 7 N along x are 0.07 N m about y too, beside the 0.02 N m of
-    the deck, as the reactions of CalculiX 2.20 are. A face that is rigid in the deck is named."""
+    the deck, as the reactions of CalculiX 2.20 are. A face that is rigid in the deck is named, also
+    where nothing acts on it, and not where it is clamped."""
     force = STEP.format("*CLOAD\n999, 1, 7.\n999, 5, 20.\n")
     for kind, said in (("*DISTRIBUTING\n", []), ("*KINEMATIC\n1, 3\n", ["BACK is not rigid"])):
         scene, lost = drafted(before=AWAY + kind, pressed=force)
@@ -310,6 +345,8 @@ def test_reference_nodes_away_from_their_faces(drafted):
         assert [word in line for word, line in zip(said, lost, strict=True)] == [True] * len(said)
     _, (line,) = drafted(before=AWAY + "*DISTRIBUTING\n" + LUMPED)
     assert "its node is away from the middle of block." in line
+    _, (line,) = drafted(before=REF + "*RIGID BODY, REF NODE=REF, NSET=TOP\n")
+    assert "TOP is not rigid" in line
 
 
 def test_held_reference_nodes(drafted):
@@ -442,10 +479,10 @@ PLACES = {
     "CONTACT INCLUSIONS": ("pair", "*CONTACT\n*CONTACT INCLUSIONS{}\nPAD, DISC\n"),
     "CONTACT EXCLUSIONS": ("before", "*CONTACT EXCLUSIONS{}\nPAD, BACK\n"),
     "CONTACT PROPERTY ASSIGNMENT": ("pair", "*CONTACT PROPERTY ASSIGNMENT{}\nPAD, DISC, RUBS\n"),
-    "COUPLING": ("before", REF + "*COUPLING, REF NODE=REF, SURFACE=PAD{}\n*KINEMATIC\n"),
-    "KINEMATIC": ("before", COUPLED.replace("BACK", "PAD") + "*KINEMATIC{}\n1, 6\n"),
+    "COUPLING": ("before", REF + "*COUPLING, REF NODE=REF, SURFACE=PAD{}\n*DISTRIBUTING\n"),
+    "KINEMATIC": ("before", COUPLED.replace("BACK", "BOTTOM") + "*KINEMATIC{}\n1, 6\n"),
     "DISTRIBUTING": ("before", COUPLED + "*DISTRIBUTING{}\n"),
-    "RIGID BODY": ("before", REF + "*RIGID BODY, REF NODE=REF, NSET=TOP{}\n"),
+    "RIGID BODY": ("before", REF + "*RIGID BODY, REF NODE=REF, NSET=BOTTOM{}\n"),
     "MATERIAL": ("before", "*MATERIAL, NAME=OTHER{}\n"),
     "ELASTIC": ("before", "*MATERIAL, NAME=OTHER\n*ELASTIC{}\n100., 0.3\n"),
     "DENSITY": ("before", "*MATERIAL, NAME=OTHER\n*DENSITY{}\n3e-9\n"),

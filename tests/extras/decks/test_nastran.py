@@ -3,9 +3,17 @@
 The body is a sector of a ring, radius 96 to 140 mm, 60 degrees, 10 mm thick, of 6 CHEXA.
 """
 
+from itertools import product
+
+from mpi4py import MPI
+
 import numpy as np
 import pytest
+from scipy.linalg import eigh
+from scipy.spatial.transform import Rotation
 
+from brake_fenicsx.build.bodies import assemble_bodies
+from brake_fenicsx.build.scene_mesh import scene_mesh
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.draft.text import write_scene
 from brake_fenicsx.meshing.meshfile import read_mesh_file
@@ -258,6 +266,68 @@ def test_orthotropic_constants_of_ansys(tmp_path):
     assert scene.materials["MAT1"].E == 125e9 and "MP,ALPX,1,1e-5 (sector.cdb:" in text
     _, _, text = drafted(tmp_path, archive(esys=12), "sector.cdb")
     assert "solids have element coordinate systems 12: write the axis of the part" in text
+
+
+# Their compliance [1/MPa] by the manuals of Abaqus and Ansys, in the order 11, 22, 33, 23, 13, 12.
+COMPLIANCE = np.diag([1 / 8000, 1 / 7000, 1 / 2000, 1 / 1100, 1 / 1200, 1 / 3000])
+COMPLIANCE[0, 1] = COMPLIANCE[1, 0] = -0.31 / 8000
+COMPLIANCE[0, 2] = COMPLIANCE[2, 0] = -0.33 / 8000
+COMPLIANCE[1, 2] = COMPLIANCE[2, 1] = -0.32 / 7000
+# Numbers of Abaqus: nine constants; nine, or 21, stiffnesses of 11, 22, 33, 12, 13, 23 by columns.
+ABAQUS = np.linalg.inv(COMPLIANCE)[np.ix_([0, 1, 2, 5, 4, 3], [0, 1, 2, 5, 4, 3])]
+COLUMNS = [ABAQUS[i, j] for j in range(6) for i in range(j + 1)]
+ELASTIC = {
+    "ENGINEERING CONSTANTS": [8e3, 7e3, 2e3, 0.31, 0.33, 0.32, 3e3, 1.2e3, 1.1e3],
+    "ORTHOTROPIC": [*COLUMNS[:6], *(COLUMNS[i] for i in (9, 14, 20))],
+    "ANISOTROPIC": COLUMNS,
+}
+VOIGT = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
+
+
+def of_abaqus(kind):
+    """The sector with these constants."""
+    text = "*NODE\n" + "".join(f"{n}, {x}, {y}, {z}\n" for n, (x, y, z) in enumerate(CARTESIAN, 1))
+    text += "*ELEMENT, TYPE=C3D8, ELSET=MAT1\n"
+    text += "".join(f"{k}, {', '.join(str(n + 1) for n in c)}\n" for k, c in enumerate(CELLS, 1))
+    words = [f"{v:.15g}" for v in ELASTIC[kind]]
+    rows = [", ".join(words[i : i + 8]) for i in range(0, len(words), 8)]
+    text += f"*MATERIAL, NAME=MAT1\n*ELASTIC, TYPE={kind}\n" + "\n".join(rows)
+    return text + "\n*DENSITY\n2.5e-9\n*SOLID SECTION, ELSET=MAT1, MATERIAL=MAT1\n"
+
+
+def test_a_turned_orthotropic_material_in_decks(tmp_path):
+    """Energies of the six constant strains, and frequencies, of the sector whose material is turned
+    by 30 degrees about z: of MPDATA of Ansys and three kinds of *ELASTIC; MAT9 has its line."""
+    turn = Rotation.from_euler("z", 30, degrees=True).as_matrix()
+    full = np.zeros((3, 3, 3, 3))
+    for (a, (i, j)), (b, (k, m)) in product(enumerate(VOIGT), repeat=2):
+        C = np.linalg.inv(COMPLIANCE)[a, b] * 1e6
+        for left, right in product({(i, j), (j, i)}, {(k, m), (m, k)}):
+            full[*left, *right] = C
+    full = np.einsum("ai,bj,ck,dl,ijkl->abcd", *[turn] * 4, full)
+    strains = [
+        np.array([[p in ((i, j), (j, i)) for i in range(3)] for j in range(3)]) for p in VOIGT
+    ]
+    wanted = [[np.einsum("ij,ijkl,kl", e, full, f) for e in strains] for f in strains]
+    found = []
+    decks = {f"{kind}.inp": of_abaqus(kind) for kind in ELASTIC}
+    for name, text in (decks | {"sector.cdb": archive(more=ORTHOTROPIC)}).items():
+        drafted(tmp_path, text, name)
+        scene = read_scene(tmp_path / "sector.toml", ["parts.mat1.axis=30 deg"])
+        elastic = assemble_bodies(scene, scene_mesh(scene, MPI.COMM_SELF))
+        K, M, x = elastic.K, elastic.M, elastic.free.V.tabulate_dof_coordinates()
+        u = np.array([(x @ e).ravel() for e in strains])
+        energies = u @ (K @ u.T) / (M.sum() / 3 / scene.materials["MAT1"].rho)
+        np.testing.assert_allclose(
+            energies, wanted, rtol=1e-8, atol=1e-8 * full.max(), err_msg=name
+        )
+        found.append(eigh(K.toarray(), M.toarray(), eigvals_only=True, subset_by_index=(6, 15)))
+        np.testing.assert_allclose(found[-1], found[0], rtol=1e-8)
+    card = "MAT9,7,8000.,2480.,2640.,,,,7000.\n,2240.,,,,2000.,,,3000.\n,,,1100.,,1200.,2.5-9\n"
+    with pytest.raises(SceneError, match=r"there is no \[materials.MAT7\]"):
+        drafted(tmp_path, FORMS["plain"].replace("MAT1,7,125000.,,.24,7.2-9\n", card))
+    text = (tmp_path / "sector.toml").read_text()
+    assert "not taken over: MAT9,7,8000." in text and "# missing: MAT7" in text
 
 
 TURNED = "".join(f"{v:21.13E}" for v in (90.0, 0.0, 0.0))

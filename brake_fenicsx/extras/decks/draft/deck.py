@@ -5,6 +5,7 @@ Each reader gives the reason why something of its keyword is not taken over, or 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -184,13 +185,9 @@ def _coupled_motion(deck: Deck, block: DeckKeyword) -> str | None:
 
 
 def _say_rigid(deck: Deck) -> None:
-    """Faces that are rigid in the deck, and that something acts on."""
-    tables = [deck.tables[section] for section in ("loads", "springs", "masses")]
-    used = {
-        face for own in tables for name, keys in own.items() for face in keys.get("faces", [name])
-    }
+    """Faces that are rigid in the deck, which stiffens them unless they are clamped."""
     for face, block in deck.rigid.items():
-        if face in used:
+        if deck.tables["supports"].get(face, {}).get("along") != "xyz":
             deck.unread.append((block, f"{face} is not rigid: give it a layer of stiff material"))
 
 
@@ -211,7 +208,24 @@ def _boundary(deck: Deck, block: DeckKeyword) -> str | None:
             along = {held_along([c]) for c in components} - {"r"}
             along |= {*deck.tables["supports"].get(group, {}).get("along", "")}
             deck.add("supports", group, along="".join(sorted(along)))
+    if deck.shells and {*_hinged(held, deck)} & _of_shells_alone(deck.mesh):
+        why = "shells that are held here may turn; their layers, held through the thickness, do not"
+        deck.unread.append((block, why))
     return said
+
+
+def _hinged(held: dict[str, set[str]], deck: Deck) -> Iterator[int]:
+    """Nodes that are held along an axis, but may turn about one of the two others."""
+    for word, components in held.items():
+        turns = {str(3 + k) for c in {*"123"} & components for k in (1, 2, 3) if k != int(c)}
+        numbered = word.rpartition(".")[2].isdigit() and not word.isdigit()
+        if not (turns <= components or numbered):
+            yield from deck.nodes(word).tolist()
+
+
+def _of_shells_alone(mesh: FileMesh) -> set[int]:
+    shells = {n for own in mesh.shells.values() for n in own.ravel().tolist()}
+    return shells - {*mesh.cells.ravel().tolist()}
 
 
 def _pressure(deck: Deck, block: DeckKeyword) -> str | None:

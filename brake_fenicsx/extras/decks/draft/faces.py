@@ -22,8 +22,9 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import find
 from brake_fenicsx.meshing.filemesh import FileMesh
 from brake_fenicsx.meshing.groups import layers_of
-from brake_fenicsx.meshing.rawmesh import RawMesh, boundary, facet_keys
+from brake_fenicsx.meshing.rawmesh import CORNERS, EDGES, RawMesh, boundary, facet_keys
 from brake_fenicsx.scene.keys import dotted
+from brake_fenicsx.scene.units import several
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -115,7 +116,7 @@ class FileParts:
             several = [name for name in every if find(self.found.facet_groups, name)]
             own = [self._named(name) for name in several or [group]]
             names = [name for faces, _ in own for name in faces]
-            self._of[group] = names, "" if names else own[0][1]
+            self._of[group] = names, "" if len(own) > 1 and names else own[0][1]
         return self._of[group]
 
     def _named(self, group: str) -> tuple[list[str], str]:
@@ -143,7 +144,20 @@ class FileParts:
             texts = "; ".join(face.text() for face in names.values())
             self.groups.append(f"{key} = {value}   # {texts}")
             self.faces |= names
-        return [*names], ""
+        left = self._left(name, own.values()) if kind == "nodes" else 0
+        return [*names], f"{several(left, 'node')} on no whole facet of it" if left else ""
+
+    def _left(self, name: str, faces: Iterable[BoundaryFacets]) -> int:
+        """Nodes of a set, corners and middles of edges, that its facets do not have."""
+        edges, first = EDGES[self.found.shape], CORNERS[self.found.shape]
+        own, on, used = np.zeros((3, len(self.found.points)), dtype=bool)
+        own[self.found.node_groups[name]] = True
+        cells = self.found.cells[own[self.found.cells].any(axis=1)]
+        used[cells[:, : first + len(edges)]] = True
+        on[np.concatenate([face.corners.ravel() for face in faces])] = True
+        for place, ends in enumerate(edges[: cells.shape[1] - first], first):
+            on[cells[on[cells[:, ends]].all(axis=1), place]] = True
+        return int(np.count_nonzero(own & used & ~on))
 
     def _known(self, face: BoundaryFacets) -> tuple[str, str]:
         """Names of a face with these facets, and of one with some of them; "" without any."""

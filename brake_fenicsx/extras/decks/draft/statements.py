@@ -19,7 +19,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import find
 from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh
 from brake_fenicsx.scene.keys import dotted
-from brake_fenicsx.scene.units import MODULI, factor_to_si, quantity_text
+from brake_fenicsx.scene.units import MODULI, factor_to_si, with_unit
 
 from .shell_surface import Array, ShellSection
 
@@ -147,7 +147,7 @@ def toml(value: Any, units: str) -> str:
     if isinstance(value, Quantity):
         if not value.unit or not value.value:
             return f"{value.value:.8g}"
-        return json.dumps(quantity_text(si(value, units), value.unit))
+        return json.dumps(with_unit(si(value, units), value.unit))
     if isinstance(value, dict):
         return f"{{ {', '.join(f'{dotted(k)} = {toml(v, units)}' for k, v in value.items())} }}"
     if isinstance(value, list | tuple):
