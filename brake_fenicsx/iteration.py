@@ -28,9 +28,9 @@ def remaining(size: ArrayLike, rate: ArrayLike) -> Array:
         size: of the last step.
         rate: of contraction; ``SLOWEST`` at most is believed.
     """
-    rate = np.clip(np.nan_to_num(np.asarray(rate, float), nan=SLOWEST), 0.0, SLOWEST)
+    believed = np.clip(np.nan_to_num(np.asarray(rate, float), nan=SLOWEST), 0.0, SLOWEST)
     with np.errstate(over="ignore", invalid="ignore"):
-        left = np.asarray(size, float) * rate / (1 - rate)
+        left = np.asarray(size, float) * believed / (1 - believed)
     return np.asarray(np.nan_to_num(left, nan=np.inf, posinf=np.inf))
 
 

@@ -384,6 +384,11 @@ def draw_beside(this: Run, study: Study, first: First) -> None:
             this.write_summary()  # which the figures read
         this.comm.Barrier()
         read = cache(lambda: read_run(this.store.directory))
+        if this.comm.rank == 0:
+            # Verification and pictures take longer than all samples do: nobody waits for them.
+            say_answer(read())
+            this.warn(spared("first page", lambda: write_page(read(), first=True))[1])
+            logger.info("verification, pictures and figures follow: %s", this.page)
         figures = this.pictures, this.scene.own.figures
         works += figure_works(this.store.directory, read, *figures)
     made = study.verified_beside(works)
@@ -434,6 +439,7 @@ def report(
             logger.warning("%s", text)
     if comm.rank == 0:
         write_page(read())
+        say_answer(read())
 
 
 def figure_works(
@@ -468,8 +474,21 @@ def figure_works(
     return [partial(draw, i) for i in range(DRAWING)]
 
 
-def write_page(data: RunData) -> None:
-    """Tables and the HTML page of results whose figures are drawn; on one process."""
+def say_answer(data: RunData) -> None:
+    """Log what squeals; on one process."""
+    if data.modes is not None:
+        # Line by line: the time stamp of the file would shift the heading alone.
+        for line in summary_table(data).splitlines():
+            logger.info("%s", line)
+
+
+def write_page(data: RunData, first: bool = False) -> None:
+    """Tables and the HTML page of results; on one process.
+
+    Args:
+        data: the results.
+        first: whether verification, pictures and figures are still to come; the page says so.
+    """
     from brake_fenicsx.report.html import write_report
     from brake_fenicsx.report.surface_page import write_surface_tables
 
@@ -478,7 +497,7 @@ def write_page(data: RunData) -> None:
     shutil.rmtree(directory / "tables", ignore_errors=True)
     write_tables(data)
     write_surface_tables(data)
-    write_report(data, redraw=False)
+    write_report(data, redraw=False, first=first)
     if data.samples is not None and not (directory / "samples.csv").is_file():
         logger.warning(
             "%(at)s: samples without tables; `run` of the scene, with -o %(at)s, makes them",
@@ -488,7 +507,3 @@ def write_page(data: RunData) -> None:
         logger.warning(
             "%s: samples are missing, and the page has no modes; `run` makes them again", directory
         )
-    if data.modes is not None:
-        # Line by line: the time stamp of the file would shift the heading alone.
-        for line in summary_table(data).splitlines():
-            logger.info("%s", line)

@@ -22,9 +22,11 @@ from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.log import Progress
 from brake_fenicsx.folder.processes import Terminated
 from brake_fenicsx.folder.store import Store
+from brake_fenicsx.report.html import FIRST
 from brake_fenicsx.results.answer import summary_table
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.samples.ensemble import run_ensemble
+from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.units import several
 from brake_fenicsx.stages import Run
@@ -321,14 +323,28 @@ def test_time_to_go_is_that_of_the_samples_left(caplog, monkeypatch):
     ]
 
 
-def test_no_pictures(tmp_path, capsys):
-    """Tables, fields and page are the same; report makes figures of them, or takes them away."""
+def test_no_pictures(tmp_path, capsys, monkeypatch):
+    """Tables, fields and page are the same; report makes figures of them, or takes them away.
+
+    A page stands before verification and pictures begin, and says what it lacks.
+    """
+    begun, beside = list[str](), Study.verified_beside
+
+    def noted(self, works):
+        begun.append((tmp_path / "a" / "report.html").read_text())
+        return beside(self, works)
+
+    monkeypatch.setattr(Study, "verified_beside", noted)
     few = ["--set", "parts.block.size='14 mm'", "--set", "parts.plate.size='20 mm'"]
     assert main(["run", str(BLOCK), "-o", str(tmp_path / "a"), "--no-pictures", *few]) == 0
     page = tmp_path / "a" / "report.html"
     assert {p.name for p in (tmp_path / "a" / "figures").iterdir()} <= {"mode_shapes.csv"}
     assert (tmp_path / "a" / "modes.csv").is_file() and any((tmp_path / "a" / "fields").iterdir())
     assert "<table>" in page.read_text() and "<img" not in page.read_text()
+    assert "<table>" in begun[0] and [FIRST in x for x in (*begun, page.read_text())] == [
+        True,
+        False,
+    ]
     # Line by line: the time stamp of the file would shift the heading of the table alone.
     table = summary_table(read_run(tmp_path / "a")).splitlines()
     log = (tmp_path / "a" / "log.txt").read_text().splitlines()

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from brake_fenicsx.folder.kernels import CPUINFO, best_kernels
+from source_tree import ROOT
 
 # What the library that NumPy loaded says, on its own line; nothing where that is not OpenBLAS.
 ASK = """
@@ -58,3 +59,12 @@ def test_the_command_takes_them_before_the_library_is_loaded(given):
     name, core = run.stdout.split()
     assert name == wanted
     assert core.lower() == wanted.lower()
+
+
+def test_kernels_of_another_processor_are_those_that_work_here():
+    """Asked for by hand, some end in a crash with OpenBLAS 0.3.34 (Debian unstable)."""
+    words = [sys.executable, str(ROOT / "scripts" / "other_kernel")]
+    name = subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
+    product = "import numpy as np; a = np.ones((900, 900)); assert np.all(a @ a == 900)"
+    own = os.environ | {"OPENBLAS_CORETYPE": name}
+    assert name and subprocess.run([sys.executable, "-c", product], env=own).returncode == 0

@@ -1,14 +1,15 @@
 """What the terminal shows beside the log of the program."""
 
+import io
 import os
 import pty
 import re
 import subprocess
 import sys
 import termios
-from contextlib import suppress
+from contextlib import redirect_stderr, suppress
 
-from brake_fenicsx.folder.log import logger, start_log
+from brake_fenicsx.folder.log import Progress, logger, start_log
 
 CODE = """
 import logging
@@ -49,6 +50,15 @@ def test_warnings_on_the_terminal_say_so(capsys):
     logger.warning("half.txt: implausible")
     logger.info("stage")
     assert capsys.readouterr().err == "warning: half.txt: implausible\nstage\n"
+
+
+def test_a_log_outlives_the_stderr_that_a_command_was_given(capsys):
+    """Who calls a command from Python may redirect stderr, and close it before the next call."""
+    with redirect_stderr(io.StringIO()) as given:
+        start_log(0)
+    given.close()
+    Progress("samples", 1).advance()
+    assert capsys.readouterr().err.startswith("samples: 1 of 1, in ")
 
 
 def test_a_terminal_has_a_bar_below_the_lines():

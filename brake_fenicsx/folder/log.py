@@ -44,7 +44,7 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
     # root's level again at the first form; a handler that is there keeps its own.
     root = logging.getLogger()
     if not root.handlers:
-        root.addHandler(_set(logging.StreamHandler(sys.stderr), logging.WARNING))
+        root.addHandler(_set(_Terminal(), logging.WARNING))
     logger.handlers.clear()
     logger.propagate = False
     logger.setLevel(logging.DEBUG)
@@ -52,7 +52,7 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
         logger.addHandler(logging.NullHandler())
         return
     shown = level or (before.level if before else logging.INFO)
-    logger.addHandler(terminal := _set(_Terminal(sys.stderr), shown))
+    logger.addHandler(terminal := _set(_Terminal(), shown))
     if file is None:
         # What is said before there is a file is kept for it.
         logger.addHandler(_set(MemoryHandler(sys.maxsize, sys.maxsize), terminal.level))
@@ -81,7 +81,19 @@ class _Lines(logging.Formatter):
 
 
 class _Terminal(logging.StreamHandler):
-    """The handler whose level the command line sets."""
+    """The handler whose level the command line sets, on the stderr of the moment.
+
+    Who calls from Python may have closed the one that a command was given.
+    """
+
+    def __init__(self) -> None:
+        """A handler without a stream of its own."""
+        logging.Handler.__init__(self)
+
+    @property
+    def stream(self) -> Any:
+        """Where lines go."""
+        return sys.stderr
 
     def emit(self, record: logging.LogRecord) -> None:
         """Show a record."""

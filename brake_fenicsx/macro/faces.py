@@ -192,9 +192,8 @@ def gather_face(mesh: Mesh, free: FreeDofs, face: str) -> Face:
     )
     key, corners, inside, x, columns, number = _facets(mesh, free, face_tag(mesh, face, "contact"))
     order = np.lexsort(np.sort(key, axis=1).T[::-1])
-    key, corners, inside, x, columns, number = (
-        a[order] for a in (key, corners, inside, x, columns, number)
-    )
+    key, corners, inside = key[order], corners[order], inside[order]
+    x, columns, number = x[order], columns[order], number[order]
     corners = np.take_along_axis(corners, _cyclic(key)[:, :, None], axis=1)
     place = _match(element, corners, x)
     x = np.take_along_axis(x, place[:, :, None], axis=1)

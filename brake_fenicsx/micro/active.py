@@ -170,7 +170,8 @@ def active_set(
     pushed, under = np.zeros_like(plastic), np.zeros(height.size)  # what yields, and its sinking
     for iteration in range(1, max_iterations + 1):
         if total is not None and not touching.any():
-            _some_elastic(height, touching, plastic, total > cap * np.count_nonzero(plastic))
+            too_much = bool(total > cap * np.count_nonzero(plastic))
+            _some_elastic(height, touching, plastic, too_much)
         points, top = np.flatnonzero(touching), np.flatnonzero(plastic)
         if points.size > most:
             return None

@@ -19,6 +19,7 @@ from scipy.stats import t as student
 from brake_fenicsx.arguments import Array, Mask, number, positive
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
+from brake_fenicsx.folder.text_tables import TextTable
 from brake_fenicsx.micro.halfspace import half_space_of
 from brake_fenicsx.micro.library import LawRecipe
 from brake_fenicsx.micro.loading import solve_contact
@@ -123,11 +124,13 @@ def _checked(curve: Array | str | Path) -> tuple[Array, Array, Mask]:
     """Pressures [Pa], closures [m], and which of them belong to unloading."""
     name = f"{curve}" if isinstance(curve, str | Path) else "curve"
     file = Path(curve) if isinstance(curve, str | Path) else None
-    remedy = "not a table of pressures and closures; write numbers below one heading"
-    with reading(file, "as numbers", remedy, at=f"{name}: "):
-        if file is not None:
-            data = np.loadtxt(file, delimiter=",", skiprows=1, ndmin=2) * (1e6, 1e-6)
-        else:
+    if file is not None:
+        table = TextTable.read(file)
+        data = np.column_stack([table.numbers(name) for name in table.heading])
+        data = data * np.resize((1e6, 1e-6), data.shape[1])
+    else:
+        remedy = "not a table of pressures and closures; give numbers"
+        with reading(None, "as numbers", remedy, at=f"{name}: "):
             data = np.asarray(curve, dtype=float)
     if data.ndim != 2 or data.shape[1] != 2 or not np.isfinite(data).all():
         raise SceneError(f"{name}: give finite pressures and closures, shape (n, 2)")

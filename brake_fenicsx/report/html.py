@@ -21,13 +21,19 @@ from .verdict import make_verdict
 
 CARDS = 6  # mode shapes before the appendix, beside those of the first screen
 
+FIRST = (
+    "verification, pictures and figures are being made: until this page is loaded again they are"
+    " missing, or those of an earlier run"
+)
 
-def write_report(directory: str | Path | RunData, redraw: bool = True) -> Path:
+
+def write_report(directory: str | Path | RunData, redraw: bool = True, first: bool = False) -> Path:
     """Write ``directory/report.html`` with all figures and tables of a run inside.
 
     Args:
         directory: the run directory, or its results already read.
         redraw: draw the figures anew; False takes those in ``directory/figures``.
+        first: whether verification, pictures and figures are still to come.
 
     Returns:
         The path of the page.
@@ -38,14 +44,15 @@ def write_report(directory: str | Path | RunData, redraw: bool = True) -> Path:
     run = read_run(directory)
     if redraw:
         make_figures(run)
-    return write_page(run.directory / "report.html", render_page(run))
+    return write_page(run.directory / "report.html", render_page(run, first))
 
 
-def render_page(run: RunData) -> str:
+def render_page(run: RunData, first: bool = False) -> str:
     """The page as text.
 
     Args:
         run: the results; pictures are read from its ``figures`` folder.
+        first: see ``write_report``.
 
     Returns:
         HTML that is well-formed XML too; sections without content are left out.
@@ -61,7 +68,7 @@ def render_page(run: RunData) -> str:
     return render(
         "page.html.j2",
         title=f"{what}: {run.summary.get('name') or run.directory.resolve().name}",
-        meta=_meta(run),
+        meta=[*_meta(run), *[FIRST] * first],
         verdict=verdict,
         sections=[section for section in sections if section.blocks],
         appendix=[s for s in appendix_sections(run, cards[CARDS:]) if s.blocks],

@@ -15,6 +15,7 @@ import pandas as pd
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.text_tables import TextTable
 from brake_fenicsx.results.ensemble_statistics import wilson
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import RowTable
@@ -22,7 +23,7 @@ from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.digest import in_effect
 
 from .scores import scores
-from .states import AXES, Frame, read_columns, read_matrix, units_of_state
+from .states import AXES, Frame, in_si, read_matrix, units_of_state
 
 ALL, NONE = "all", "none"  # in place of the number of a family
 EVENT = ["state", "stop", "frequency_hz", "level_db"]
@@ -47,7 +48,8 @@ def read_events(scene: Scene, states: Frame) -> Frame:
     if not (file := scene.section("states").events):
         return pd.DataFrame(columns=EVENT, dtype=float)
     units = units_of_state(scene, state="", frequency="Hz", stop=None, level="")
-    given = read_columns(scene.path(file), units.__getitem__)
+    table = TextTable.read(scene.path(file))
+    given = in_si(table, units.__getitem__)
     known = states.assign(state=states.index)
     same = np.ones((len(given), len(states)), bool)
     for name in [n for n in (*AXES, "direction", "state") if n in given and n in known]:
@@ -55,7 +57,7 @@ def read_events(scene: Scene, states: Frame) -> Frame:
         same &= a == b if name == "direction" else np.isclose(a, b, 1e-6)
     for i in np.flatnonzero(same.sum(axis=1) != 1):
         text = f"is of {same[i].sum()} states; write the number of its state, or all that tells it"
-        raise SceneError(f"{file}: line {i + 2}: {text}")
+        raise SceneError(f"{file}: line {table.lines[i]}: {text}")
     rest = {"stop": given.index, "frequency": np.nan, "level": np.nan} | dict(given)
     found = given.assign(**{**rest, "state": same.argmax(axis=1) + 1})
     stops = found.groupby("state").stop.nunique()

@@ -14,6 +14,7 @@ import numpy as np
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
+from brake_fenicsx.folder.text_tables import TextTable
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.keys import key
 from brake_fenicsx.scene.samples_section import split_key, unit_of
@@ -84,37 +85,28 @@ def check(scene: Scene, _: Callable[[str], Scene]) -> Scene:
     return replace(scene, spanned={**scene.spanned, **ranges})
 
 
-def read_columns(path: Path, units: Callable[[str], str | None], grid: Any = None) -> Frame:
-    """A table in SI units, of a CSV file whose heading names them, "pressure [bar]".
+def in_si(table: TextTable, units: Callable[[str], str | None]) -> Frame:
+    """A table in SI units, whose heading names those of the file, "pressure [bar]".
 
     Args:
-        path: the file.
+        table: the table.
         units: SI unit of a column by its name, degC of a temperature; None of texts.
-        grid: heading -> values, of which every combination stands in the place of the file.
 
     Raises:
         SceneError: file, heading, line, value and remedy.
     """
     import pandas as pd
 
-    with reading(None if grid else path, "as a CSV file", "write as many cells in every line"):
-        if grid:
-            table = pd.DataFrame([*product(*grid.values())], columns=[*grid])
-        else:
-            table = pd.read_csv(path, dtype=str, keep_default_na=False)
-    if table.empty:
-        raise SceneError(f"{path}: contains no line of values below its heading")
     found = dict[str, Any]()
-    for head, cells in table.items():
-        at = f"{path}: heading {head!r}: "
+    for head in table.heading:
+        at = f"{table.source}: heading {head!r}: "
         with reading(None, "as values with a unit", REMEDY, at=at):
-            name, _, unit = (part.strip(" ]") for part in str(head).partition("["))
-            found[name], si = cells.str.strip(), units(name)
-            if si is not None:
-                numbers = pd.to_numeric(cells, errors="coerce").to_numpy(float)
-                for i in np.flatnonzero(~np.isfinite(numbers)):
-                    raise SceneError(f"{at}line {i + 2}: {cells[i]!r}: write a number")
-                found[name] = numbers * (1.0 if unit == si else to_si(f"1 {unit}", si))
+            name, _, unit = (part.strip(" ]") for part in head.partition("["))
+            if name in found:
+                raise ValueError(f"{name} is there twice")
+            si = units(name)
+            factor = 1.0 if si is None or si == unit else to_si(f"1 {unit}", si)
+        found[name] = table.texts(head) if si is None else factor * table.numbers(head)
     return pd.DataFrame(found)
 
 
@@ -135,13 +127,14 @@ def read_matrix(scene: Scene) -> Frame:
         SceneError: file or key, value and remedy.
     """
     table = scene.section("states")
-    path = scene.path(table.matrix or "states.grid")
-    units = units_of_state(scene, section=None, stops="").__getitem__
-    given = read_columns(path, units, table.grid)
+    path, every = scene.path(table.matrix or "states.grid"), [*product(*table.grid.values())]
+    inline = TextTable(path, [*table.grid], every, range(2, 2 + len(every)))
+    read = inline if table.grid else TextTable.read(path)
+    given = in_si(read, units_of_state(scene, section=None, stops="").__getitem__)
     states = given.reindex(columns=[*AXES, *UNSAID]).fillna(UNSAID)
     wrong = (states[["pressure", "speed", "stops"]] <= 0).any(axis=1) | (states.stops % 1 != 0)
     for i in states.index[wrong | ~states.direction.isin(WAYS)]:
-        line = f"{path}: line {i + 2}: {', '.join(map(str, given.loc[i]))}"
+        line = f"{path}: line {read.lines[i]}: {', '.join(read.rows[i])}"
         raise SceneError(f"{line}: positive numbers, whole stops, {' or '.join(WAYS)} are needed")
     return states.astype({"stops": int}).set_index(states.index + 1)
 
@@ -170,7 +163,7 @@ def _interpolated(path: Path, scene: Scene, states: Frame) -> dict[str, Any]:
     from scipy.interpolate import RegularGridInterpolator
 
     units = units_of_state(scene)
-    table = read_columns(path, lambda name: units[name] if name in AXES else unit_of(name))
+    table = in_si(TextTable.read(path), lambda n: units[n] if n in AXES else unit_of(n))
     over, keys = ([n for n in table if (n in AXES) is axis] for axis in (True, False))
     for name in keys:
         check_scalar(scene, str(path), name)
@@ -218,7 +211,7 @@ def imposed_gap(scene: Scene, contact: Any, state: Mapping[str, float]) -> np.nd
     for name, given in scene.section("states").gap.items():
         with reading(None, "as a gap", GAP, at=f"states.gap.{name} = {given[:80]!r}: "):
             if given.endswith(".csv"):
-                table = read_columns(scene.path(given), units.__getitem__)
+                table = in_si(TextTable.read(scene.path(given)), units.__getitem__)
                 found = RBFInterpolator(table[["x", "y"]], table.gap, kernel="linear")(x[:, :2])
             else:
                 found = registry.parse_expression(given, **known).to("m").magnitude

@@ -1,6 +1,5 @@
 """Frequencies of resonances, and Q factors where they are given, of one or more specimens."""
 
-import csv
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -9,8 +8,8 @@ import numpy as np
 
 from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.folder.log import logger
+from brake_fenicsx.folder.text_tables import TextTable
 
 from .measured import modes_of, read_sets
 
@@ -63,30 +62,18 @@ def read_peaks(path: str | Path) -> list[Peaks]:
 
 def _table(file: Path) -> list[Peaks]:
     """Peaks of a table."""
-    with reading(file, "as a table"):
-        text = file.read_text("utf-8-sig")
-    lines = [line for line in text.splitlines() if line.strip() and line[0] != "#"]
-    # With semicolons or tabs between the cells a comma is a decimal one.
-    delimiter = next((c for c in ";\t" if lines and c in lines[0]), ",")
-    decimal = "." if delimiter == "," else ","
-    heading, *rows = [
-        [c.strip() for c in row] for row in csv.reader(lines, delimiter=delimiter)
-    ] or [[]]
-    unit, *more = [name for name in heading if name in UNITS] or [""]
-    if not unit or more or {*heading} - {*UNITS, "q", "specimen"}:
-        raise SceneError(f"""{file}: the heading is {",".join(heading)}; write one of
-            {", ".join(UNITS)}, and q and specimen if there are any""")
+    table = TextTable.read(file)
+    unit, *more = [name for name in table.heading if name in UNITS] or [""]
+    if not unit or more or {*table.heading} - {*UNITS, "q", "specimen"}:
+        raise SceneError(
+            f"{file}: the heading is {','.join(table.heading)}; write one of {', '.join(UNITS)},"
+            " and q and specimen if there are any"
+        )
+    f = UNITS[unit] * table.numbers(unit, positive=True)
+    q = table.numbers("q", optional=True, positive=True)
     specimens: dict[str, list[tuple[float, float]]] = {}
-    for number, cells in enumerate(rows, start=1):
-        if len(cells) > len(heading):
-            raise SceneError(f"""{file}: peak {number}: more cells than the heading has; write
-                decimals with a point, not a comma""")
-        row = dict(zip(heading, cells, strict=False))
-        words = {name: row.get(name, "").replace(decimal, ".") for name in (unit, "q")}
-        peak, q = (_number(file, number, *word) for word in words.items())
-        specimens.setdefault(row.get("specimen") or "1", []).append((UNITS[unit] * peak, q))
-    if not specimens:
-        raise SceneError(f"{file}: contains no peak; write one frequency in each line")
+    for name, *peak in zip(table.texts("specimen"), f, q, strict=True):
+        specimens.setdefault(name or "1", []).append((peak[0], peak[1]))
     return [_checked(file, name, np.array(sorted(own))) for name, own in specimens.items()]
 
 
@@ -127,19 +114,6 @@ def _poles(file: Path) -> Complex:
     if not found:
         raise SceneError(f"{file}: dataset 58: no resonance is found; export modes as dataset 55")
     return np.array(sorted(found, key=lambda s: s.imag))
-
-
-def _number(file: Path, number: int, name: str, cell: str) -> float:
-    """A positive number; nan of a quality factor that is not given."""
-    if name == "q" and not cell:
-        return np.nan
-    try:
-        value = float(cell)
-    except ValueError:
-        value = np.nan
-    if not (np.isfinite(value) and value > 0):
-        raise SceneError(f"{file}: peak {number}: {name} = {cell!r}: write a positive number")
-    return value
 
 
 def _checked(file: Path, name: str, rows: Array) -> Peaks:

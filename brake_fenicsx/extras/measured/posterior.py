@@ -273,9 +273,10 @@ def _descended(
         move = np.linalg.solve(H, J.T @ (np.log(peaks)[used] - log_f[mode[used]]) / error**2 - away)
         size = float(np.linalg.norm(move)) / prior
         if size < SETTLED and gate == narrow and mode.tolist() == last:
-            away = float(np.sum(((theta - body.nominal) / prior) ** 2))
-            total = away + misfit(np.log(peaks), log_f, mode, error, gate)
-            return Posterior(theta, np.linalg.inv(H), mode, modes, total, step)
+            total = float(np.sum(((theta - body.nominal) / prior) ** 2))
+            total += misfit(np.log(peaks), log_f, mode, error, gate)
+            spread = np.asarray(np.linalg.inv(H), float)
+            return Posterior(theta, spread, mode, modes, total, step)
         theta = theta + move * min(1.0, STRIDE / max(size, 1e-300))
         gate, last = max(narrow, NARROWING * gate), mode.tolist()
     return None

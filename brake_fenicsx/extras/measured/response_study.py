@@ -5,7 +5,6 @@ ordinate may be a displacement, velocity or acceleration over a force. A table o
 responses of the model alone.
 """
 
-import csv
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.build.material_table import layer_materials
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.arrays import reading
+from brake_fenicsx.folder.text_tables import TextTable
 from brake_fenicsx.macro.elasticity import Elastic
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.report import style
@@ -130,11 +129,10 @@ def _measured(
 
 def _asked(file: Path) -> Iterator[Response]:
     """Points and directions of a table."""
-    with reading(file, "as a table"):
-        rows = [[c.strip() for c in row] for row in csv.reader(file.open(encoding="utf-8-sig"))]
-    if not rows or tuple(rows[0]) != POINTS or len(rows) < 2:
+    table = TextTable.read(file)
+    if tuple(table.heading) != POINTS:
         raise SceneError(f"{file}: write the heading {','.join(POINTS)}, and a line for a response")
-    for line, cells in enumerate(rows[1:], start=2):
+    for line, cells in zip(table.lines, table.rows, strict=True):
         try:
             points = 1e-3 * np.array([[float(c) for c in cells[k : k + 3]] for k in (0, 4)])
             turned = [np.eye(3)["xyz".index(cells[k][-1:] or "?")] for k in (3, 7)]

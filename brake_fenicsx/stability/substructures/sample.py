@@ -151,7 +151,8 @@ def corrected(found: Zeros, q: Quotient, interpolated: Array) -> Corrected:
     # From coordinates along a and its conjugate to those along its real and imaginary part.
     U = np.eye(slope.size, dtype=complex)
     for conjugate, one in enumerate(pairs, number):
-        U[np.ix_([one, conjugate], [one, conjugate])] = [[1, 1], [1j, -1j]]
+        both = np.array([one, conjugate])
+        U[np.ix_(both, both)] = [[1, 1], [1j, -1j]]
     back = np.linalg.inv(U)
     H = np.diag(np.r_[z, z[pairs].conj()]) - products / slope[:, None]
     w, L, X = la.eig((U @ H @ back).real, left=True, check_finite=False)

@@ -58,10 +58,10 @@ def test_a_grid_has_every_combination(scene):
 @pytest.mark.parametrize(
     ("states", "keys", "said"),
     [
-        (STATES.replace("[MPa]", ""), {}, "heading 'pressure ': .*write known names with their"),
+        (STATES.replace("[MPa]", ""), {}, "heading 'pressure': .*write known names with their"),
         (STATES.replace("degC", "F"), {}, r"write .*temperature \[degC\]"),
         (STATES.replace("section", "remark"), {}, "heading 'remark': .*write known names"),
-        (STATES.replace("20", "warm"), {}, "line 2: 'warm': write a number"),
+        (STATES.replace("20", "warm"), {}, "line 2: temperature .degC. = 'warm': write a number"),
         (STATES.replace("reverse", "back"), {}, "line 3: .*back.*forward or reverse"),
         (STATES.replace(",3\n", ",2.5\n"), {}, "line 2: .*2.5: positive numbers, whole stops"),
         (STATES.replace("0.8", "0.9"), {}, r"mu.csv: pressure = 900000 of state 2 lies outside"),

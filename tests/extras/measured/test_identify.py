@@ -265,9 +265,9 @@ def test_command_with_two_specimens_and_q(tmp_path, capsys):
         ("frequency_khz\n116700\n143800\n", "name the column frequency_hz if it is in Hz"),
         ("frequency_khz,frequency_hz\n116,116000\n", "write one of frequency_hz, frequency_khz"),
         ("frequency\n116.7\n", "the heading is frequency; write one of frequency_hz"),
-        ("frequency_hz\n1e5\n-3\n", "peak 2: frequency_hz = '-3': write a positive number"),
-        ("frequency_hz\n", "contains no peak"),
-        ("frequency_khz\n116,7\n143,8\n", "peak 1: more cells than the heading has"),
+        ("frequency_hz\n1e5\n-3\n", "line 3: frequency_hz = '-3': write a positive number"),
+        ("frequency_hz\n", "contains no line of values"),
+        ("frequency_khz\n116,7\n143,8\n", "line 2: more cells than the heading has"),
         ("specimen,frequency_hz\na,40\nb,116665\n", "specimen a: all peaks lie below"),
     ],
 )
