@@ -124,9 +124,8 @@ def with_its_arguments(function: F) -> F:
             signature.bind(*args, **keys)
         except TypeError as error:
             hint = "".join(likely(key, names) for key in keys if key not in names)
-            raise SceneError(
-                f"{call.__name__}: {error}{hint}; its arguments are {', '.join(names)}"
-            ) from None
+            raise SceneError(f"""{call.__name__}: {error}{hint}; its arguments are
+                {", ".join(names)}""") from None
         return call(*args, **keys)
 
     same: Any = wraps(call)(checked)

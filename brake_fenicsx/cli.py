@@ -22,7 +22,7 @@ try:
 
     from brake_fenicsx.commands import parser
     from brake_fenicsx.errors import BrakeError, SceneError, StorageError
-    from brake_fenicsx.folder.termination import STATUS, Terminated, watching
+    from brake_fenicsx.folder.processes import STATUS, Terminated, watching
 except KeyboardInterrupt:
     # Ctrl-C in the first moments; no other module is sure to be there.
     os.write(2, f"{INTERRUPTED}\n".encode())

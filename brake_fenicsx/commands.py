@@ -60,8 +60,10 @@ SET = argument("--set", action="append", default=[], metavar="KEY=VALUE",
 ALLOW = argument("--allow-extensions", dest="set", action="append_const",
                  const="extensions.allow=true",
                  help="run code beside the scene that it names in [extensions]")  # fmt: skip
-JSON = argument("--json", action="store_true",
-                help="print the outcome as JSON, for other programs")  # fmt: skip
+JSON = argument("--json", action="store_true", help="print the outcome as JSON, for other programs")
+CSV = argument(
+    "--csv", action="store_true", help="write modes.csv too, where a run wrote modes.parquet"
+)
 CACHE = argument("--cache", metavar="DIR", help="share laws and reduced models with runs of scenes"
                  " that differ in seed, samples, friction or loads")  # fmt: skip
 PICTURES = argument("--no-pictures", dest="pictures", action="store_false",
@@ -131,12 +133,7 @@ def schema(options: Any, comm: Any) -> str:
     return json.dumps(json_schema(scene_type()), indent=1)
 
 
-@command(
-    DIRECTORY,
-    argument("--csv", action="store_true",
-             help="write modes.csv too, where a run wrote modes.parquet"),
-    PICTURES, alone=True,
-)  # fmt: skip
+@command(DIRECTORY, CSV, PICTURES, alone=True)
 def report(options: Any, comm: Any) -> None:
     """Regenerate the figures and the report of a results folder."""
     from brake_fenicsx import pipeline
@@ -148,14 +145,10 @@ def report(options: Any, comm: Any) -> None:
         write_csv(Path(options.directory, "modes.csv"))
 
 
-@command(
-    DIRECTORY,
-    argument("--json", action="store_true", help="print it as JSON, for other programs"),
-    alone=True,
-)  # fmt: skip
+@command(DIRECTORY, JSON, alone=True)
 def status(options: Any, comm: Any) -> str:
     """How far a run is: samples done, who is at work, time to go."""
-    from brake_fenicsx.folder.status import read_status
+    from brake_fenicsx.folder.store import read_status
 
     found = read_status(options.directory)
     return json.dumps(asdict(found), indent=1) if options.json else found.text()

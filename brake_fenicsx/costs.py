@@ -21,8 +21,8 @@ from typing import Any
 
 from brake_fenicsx.folder.log import time_text
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.approaches import active_terms, reduced_approaches
 from brake_fenicsx.scene.scalars import changes_bodies
+from brake_fenicsx.scene.scene import active_terms, reduced_approaches
 
 # Degree of the interpolation over scalars of the bodies at the default tolerance, and the points
 # between its anchors where it is checked.

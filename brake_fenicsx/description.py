@@ -12,8 +12,7 @@ from mpi4py import MPI
 from brake_fenicsx import checks, costs
 from brake_fenicsx.errors import lines
 from brake_fenicsx.scene import Scene, read_scene
-from brake_fenicsx.scene.approaches import active_terms, listed
-from brake_fenicsx.scene.scene import own_surface
+from brake_fenicsx.scene.scene import active_terms, listed, own_surface
 from brake_fenicsx.scene.units import several
 
 if TYPE_CHECKING:

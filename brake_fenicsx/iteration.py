@@ -9,9 +9,9 @@ doi:10.1137/1.9781611970944, for the estimate from two steps.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from brake_fenicsx.arguments import AnyArray, Array, Ints, Mask
 
 # An iteration gains nothing where none of so many steps is below this share of one before them.
 PATIENCE, GAIN = 4, 0.9
@@ -34,7 +34,7 @@ def remaining(size: ArrayLike, rate: ArrayLike) -> Array:
     return np.asarray(np.nan_to_num(left, nan=np.inf, posinf=np.inf))
 
 
-def sizes(step: NDArray, x: NDArray) -> tuple[Array, Array]:
+def sizes(step: AnyArray, x: AnyArray) -> tuple[Array, Array]:
     """Norm of each column of a step, and of what it leads to, shape (columns,) each."""
     return np.linalg.norm(step, axis=0), np.linalg.norm(x + step, axis=0)
 
@@ -56,7 +56,7 @@ class Steps:
             tolerance: value of ``left`` at which a column ends.
             most: steps allowed.
         """
-        self.moving: NDArray[np.bool_] = np.ones(columns, bool)
+        self.moving: Mask = np.ones(columns, bool)
         self.left: Array = np.full(columns, np.inf)
         self.taken = 0
         self._tolerance, self._most = tolerance, most
@@ -64,9 +64,9 @@ class Steps:
         self._last: Array = np.full(columns, np.inf)
         self._least: Array = np.full(columns, np.inf)
         self._worst: Array = np.full(columns, np.inf)
-        self._idle: NDArray[np.int64] = np.zeros(columns, np.int64)
+        self._idle: Ints = np.zeros(columns, np.int64)
 
-    def take(self, size: Array, whole: ArrayLike = 1.0) -> NDArray[np.bool_]:
+    def take(self, size: Array, whole: ArrayLike = 1.0) -> Mask:
         """Judge a step before it is added.
 
         Args:

@@ -5,14 +5,13 @@ Sound and Vibration 37(8) (2003) 14).
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Complex = NDArray[np.complex128]
+from brake_fenicsx.arguments import AnyArray, Complex
 
 
 def mac(
     x: Complex, y: Complex, x_left: Complex | None = None, y_left: Complex | None = None
-) -> NDArray:
+) -> AnyArray:
     """Modal assurance criterion of every column of x with every column of y.
 
     With a mass M the left vectors are M x and M y.

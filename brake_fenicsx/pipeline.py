@@ -30,18 +30,18 @@ from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.log import Progress, logger, spared, start_log
 from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.folder.store import PREPARED, Store, check_folder, enter_prepared, open_folder
+from brake_fenicsx.results.answer import open_points, summary_table, write_tables
+from brake_fenicsx.results.run import RunData, read_run
 from brake_fenicsx.results.versions import differences, versions
 from brake_fenicsx.scene import STAGES, Scene, read_scene
-from brake_fenicsx.scene.approaches import friction_texts, listed
 from brake_fenicsx.scene.digest import in_effect, result_digest
-from brake_fenicsx.scene.scene import own_surface
+from brake_fenicsx.scene.scene import friction_texts, listed, own_surface
 from brake_fenicsx.stages import Run
 
 if TYPE_CHECKING:
     from brake_fenicsx.build.brake import Brake
     from brake_fenicsx.micro import LawLibrary
     from brake_fenicsx.results.output import First
-    from brake_fenicsx.results.run import RunData
     from brake_fenicsx.samples.sampling import Roughness
     from brake_fenicsx.samples.study import Study
     from brake_fenicsx.surface import SurfaceStatistics
@@ -166,8 +166,6 @@ def _made_otherwise(store: Store) -> list[str]:
 
 def _finish(this: Run, surfaces: Surfaces, new: bool) -> None:
     """All stages, in a folder that was opened and is ours until the samples begin."""
-    from brake_fenicsx.results.run import read_run
-
     store, comm = this.store, this.comm
     try:
         brake, library = before_samples(this, surfaces)
@@ -261,9 +259,6 @@ def brake_stage(this: Run) -> Brake:
 
 def note_open_points(this: Run) -> None:
     """Log what the modes of the samples leave open; the page says it from the summary."""
-    from brake_fenicsx.results.answer import open_points
-    from brake_fenicsx.results.run import RunData
-
     summary = {**this.facts, "in_effect": in_effect(this.scene)}
     if text := open_points(RunData(this.store.directory, summary=summary)):
         logger.warning("%s", text)
@@ -373,7 +368,6 @@ def _results(this: Run, study: Study, sweep: SweepStudy | None) -> First:
 def draw_beside(this: Run, study: Study, first: First) -> None:
     """Samples of the verification, and beside them the pictures and figures of the page."""
     from brake_fenicsx.results.output import verification
-    from brake_fenicsx.results.run import read_run
 
     works: list[Callable[[], tuple[Any, list[str]]]] = []
     if "report" in this.scene.stages:
@@ -434,8 +428,6 @@ def report(
         pictures: whether figures are drawn; those of mode shapes and the mesh stay as they are.
         own: figures of a user's own by name.
     """
-    from brake_fenicsx.results.run import read_run
-
     if not directory.is_dir():
         read_run(directory)  # says what it is
     read = cache(lambda: read_run(directory))
@@ -484,8 +476,6 @@ def figure_works(
 
 def say_answer(data: RunData) -> None:
     """Log what squeals; on one process."""
-    from brake_fenicsx.results.answer import summary_table
-
     if data.modes is not None:
         # Line by line: the time stamp of the file would shift the heading alone.
         for line in summary_table(data).splitlines():
@@ -501,7 +491,6 @@ def write_page(data: RunData, first: bool = False) -> None:
     """
     from brake_fenicsx.report.html import write_report
     from brake_fenicsx.report.surface_page import write_surface_tables
-    from brake_fenicsx.results.answer import write_tables
 
     directory = data.directory
     # Those of an earlier run with other stages or keys.

@@ -1,7 +1,5 @@
 """Box aligned with x, y, z: block and plate of the smallest scene with friction."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Brake disc about the z axis, centred at z = 0: plain, vented, with or without a hat."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Brake pad: lining, back plate with ears, optional shims, stacked from the friction face."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

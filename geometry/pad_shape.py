@@ -1,7 +1,5 @@
 """Outlines of a pad seen along z: lining and plate, ears, piston circle, slot, chamfers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

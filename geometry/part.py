@@ -1,7 +1,5 @@
 """What a builder returns, and the few gmsh idioms the builders share."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any

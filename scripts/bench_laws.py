@@ -38,10 +38,9 @@ import numpy as np
 
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.micro import LawRecipe, LawSettings, LawSteps, make_library
-from brake_fenicsx.micro.law_of_surface import law_steps, low_passed
-from brake_fenicsx.micro.settings import Grids
-from brake_fenicsx.micro.support import PRESSURES as PRESSURES_OF_BAND
-from brake_fenicsx.micro.support import loads_of, stiffness
+from brake_fenicsx.micro.law_of_surface import Grids, law_steps, low_passed
+from brake_fenicsx.micro.library import PRESSURES as PRESSURES_OF_BAND
+from brake_fenicsx.micro.library import loads_of, stiffness
 from brake_fenicsx.surface import (
     characterise,
     make_topography,

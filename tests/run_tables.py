@@ -24,7 +24,7 @@ SHAPE_COLUMNS = ModeShape.names()
 TEXT = {
     *TEXTS, "stage", "quantity", "most_severe", "counted_by", "kind", "parameter", "outcome",
     *(name for kind in (Sensitivity, Probability, Convergence, ModeShape, Driver)
-      for name, t in kind.__annotations__.items() if str(t).startswith("str")),
+      for name, t in kind.__annotations__.items() if "str" in str(t) and "int" not in str(t)),
 } - {"sample"}  # fmt: skip
 SWEEPS = ("sweep", "lock_in", "chart", "critical", "critical_curve")
 CYCLES = ("limit_cycle", "limit_cycle_growth", "limit_cycle_families")

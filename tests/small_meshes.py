@@ -11,6 +11,31 @@ from brake_fenicsx.meshing.rawmesh import facet_nodes, joined, turned
 
 LOW = block.Block(length=40e-3, width=20e-3, height=10e-3, z=-10e-3, size=8e-3)
 HIGH = block.Block(length=40e-3, width=20e-3, height=12e-3, z=0.0, size=8e-3)
+# A scene with these boxes from a file, and what holds them there.
+SCENE = """
+stages = ["equilibrium"]
+[mesh]
+file = "own.msh"
+unit = "mm"
+[mesh.groups]
+pad_body = "block.body"
+plate_body = "plate.body"
+pad_bottom = "block.bottom"
+pad_top = "block.top"
+plate_top = "plate.top"
+plate_bottom = "plate.bottom"
+[parts]
+block = { material = "iron" }
+plate = { material = "iron" }
+[materials]
+iron = { model = "isotropic", E = "125 GPa", nu = 0.24, rho = "7200 kg/m^3" }
+[contact.both]
+faces = ["block.bottom", "plate.top"]
+law = { linear = "1e12 Pa/m" }
+[loads]
+"block.top" = { pressure = "5 bar" }
+"""
+HELD = '[supports]\n"plate.bottom" = "clamped"\n"block.top" = ["x", "y"]\n'
 # Abaqus's order of the nodes, as places in gmsh's.
 ABAQUS = {
     4: range(4),

@@ -20,8 +20,8 @@ from brake_fenicsx.cli import main
 from brake_fenicsx.costs import time_text
 from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.log import Progress
+from brake_fenicsx.folder.processes import Terminated
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.folder.termination import Terminated
 from brake_fenicsx.report.html import FIRST
 from brake_fenicsx.results.answer import summary_table
 from brake_fenicsx.results.run import read_run
@@ -31,8 +31,8 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.units import several
 from brake_fenicsx.stages import Run
 from brake_fenicsx.surface import read_topography
+from places import BLOCK
 
-BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
 SURFACE = ["--set", "stages=['surface']", "--set", "surface.statistics={ S_q = '3 um' }"]
 # A program that ends itself, or is ended, after some seconds at most.
 PROGRAM = [sys.executable, "-m", "brake_fenicsx"]

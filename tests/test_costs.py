@@ -1,7 +1,6 @@
 """Costs that check foretells, and those of an earlier run; nothing is timed here."""
 
 import re
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -15,9 +14,7 @@ from brake_fenicsx.costs import (
 from brake_fenicsx.description import describe
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
-
-ROOT = Path(__file__).parents[1]
-SCENES = ROOT / "scripts" / "scenes"
+from places import SCENES
 
 
 def test_full_order_is_told_from_reduced():

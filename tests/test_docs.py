@@ -4,11 +4,11 @@ import json
 import os
 import re
 from importlib import import_module
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from places import ROOT
+
 DOCS = ROOT / "docs"
 
 

@@ -14,8 +14,8 @@ import pytest
 import brake_fenicsx
 from brake_fenicsx import micro
 from brake_fenicsx.surface import Topography, given_statistics
+from places import ROOT
 
-ROOT = Path(__file__).parents[1]
 FUNCTIONS = [
     function
     for home in (brake_fenicsx, micro)

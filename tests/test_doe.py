@@ -2,15 +2,14 @@
 
 import runpy
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from brake_fenicsx import prepare, sample
 from brake_fenicsx.errors import SceneError
+from places import ROOT
 
-ROOT = Path(__file__).parents[1]
 DOE = ROOT / "scripts" / "doe"
 FRICTION, PRESSURE = "contact.block_plate.friction", 'loads."block.top".pressure'
 

@@ -14,14 +14,12 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import arrays, files
 from brake_fenicsx.folder.files import PART, whole_file
 from brake_fenicsx.folder.lock import Lock, has_ended, process_name
-from brake_fenicsx.folder.status import read_status
-from brake_fenicsx.folder.store import RUNNING, Store
+from brake_fenicsx.folder.store import RUNNING, Store, read_status
 from brake_fenicsx.micro.library import LawRecipe
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import result_digest
+from places import SQUEALING
 
-SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
-BLOCK = SCENES / "squealing_block.toml"
 PLAIN = [
     "stages=['surface','equilibrium','stability','uncertainty']", "samples.n=2",
     "countermeasures=[]", "contact.block_plate.friction=0.55",
@@ -33,7 +31,7 @@ TABLES = ("modes.csv", "samples.csv", "contact.csv")
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run") / "out"
-    run(BLOCK, MPI.COMM_SELF, folder, PLAIN)
+    run(SQUEALING, MPI.COMM_SELF, folder, PLAIN)
     return folder
 
 
@@ -63,11 +61,11 @@ def test_samples_say_which_scene_a_folder_is_of(done, tmp_path, kind):
         mark.write_bytes(content if isinstance(content, bytes) else content.encode())
     assert read_status(folder).done == {"multi-scale": 2}
     before = {p.name: p.stat().st_mtime_ns for p in (folder / "samples").iterdir()}
-    run(BLOCK, MPI.COMM_SELF, folder, PLAIN)
+    run(SQUEALING, MPI.COMM_SELF, folder, PLAIN)
     assert mark.read_text() == text and same_tables(done, folder)
     assert before == {p.name: p.stat().st_mtime_ns for p in (folder / "samples").iterdir()}
     with pytest.raises(SceneError, match="results of another scene"):
-        run(BLOCK, MPI.COMM_SELF, folder, [*PLAIN, "contact.block_plate.friction=0.5"])
+        run(SQUEALING, MPI.COMM_SELF, folder, [*PLAIN, "contact.block_plate.friction=0.5"])
 
 
 def test_a_damaged_mark_without_samples_is_named(done, tmp_path):
@@ -76,7 +74,7 @@ def test_a_damaged_mark_without_samples_is_named(done, tmp_path):
     shutil.rmtree(folder / "samples")
     (folder / "scene.sha256").write_text("")
     with pytest.raises(SceneError, match=r"scene\.sha256: damaged, and no sample says"):
-        run(BLOCK, MPI.COMM_SELF, folder, PLAIN)
+        run(SQUEALING, MPI.COMM_SELF, folder, PLAIN)
 
 
 @pytest.mark.hard
@@ -87,7 +85,7 @@ def test_links_to_a_larger_disc_outlive_a_stage_run_again(done, tmp_path):
     for name in ("cache", "samples"):
         shutil.move(folder / name, disc / name)
         (folder / name).symlink_to(disc / name)
-    run(BLOCK, MPI.COMM_SELF, folder, PLAIN, from_stage="equilibrium")
+    run(SQUEALING, MPI.COMM_SELF, folder, PLAIN, from_stage="equilibrium")
     assert (folder / "cache").is_symlink() and (folder / "samples").is_symlink()
     assert len(list((disc / "samples").iterdir())) == 2 and same_tables(done, folder)
 
@@ -101,7 +99,7 @@ def test_what_processes_that_ended_were_writing_goes(done, tmp_path):
     assert not has_ended("no name")
     for name in (ended, own, at_work):
         (folder / "samples" / f".multi-scale-00034.npz~{name}{PART}").write_text("x")
-    run(BLOCK, MPI.COMM_SELF, folder, PLAIN)
+    run(SQUEALING, MPI.COMM_SELF, folder, PLAIN)
     left = {p.name.partition("~")[2] for p in folder.rglob(f".*{PART}")}
     assert left == {own + PART, at_work + PART}
 
@@ -144,7 +142,7 @@ def test_two_changed_bytes_of_the_cache_are_found(done, tmp_path, monkeypatch):
     """A mapped array of the reduced model changes: it is made again, and more samples are right."""
     monkeypatch.setattr(arrays, "MAPPED", 2**12)
     four = [*PLAIN, "samples.n=4"]
-    run(BLOCK, MPI.COMM_SELF, tmp_path / "whole", four)
+    run(SQUEALING, MPI.COMM_SELF, tmp_path / "whole", four)
     folder = shutil.copytree(done, tmp_path / "out")
     (cache,) = (folder / "cache").glob("*damped.npz")
     with arrays.zipfile.ZipFile(cache) as archive:
@@ -153,7 +151,7 @@ def test_two_changed_bytes_of_the_cache_are_found(done, tmp_path, monkeypatch):
     at = largest.header_offset + largest.file_size // 2
     content[at], content[at + 4096 // 2] = content[at] ^ 1, content[at + 4096 // 2] ^ 255
     cache.write_bytes(content)
-    run(BLOCK, MPI.COMM_SELF, folder, four)
+    run(SQUEALING, MPI.COMM_SELF, folder, four)
     assert "another checksum" in (folder / "log.txt").read_text()
     assert same_tables(tmp_path / "whole", folder)
 
@@ -205,5 +203,5 @@ def test_a_file_that_cannot_be_written_is_named_by_its_own_name(tmp_path):
 
 
 def test_hashes_of_a_scene_are_what_is_stored(done):
-    assert Store(done).known() == result_digest(read_scene(BLOCK, PLAIN))
+    assert Store(done).known() == result_digest(read_scene(SQUEALING, PLAIN))
     assert pipeline.earlier_run(done)["scene_sha256"] == Store(done).known()

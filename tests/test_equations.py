@@ -3,11 +3,11 @@
 import ast
 import re
 from functools import cache
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from places import ROOT
+
 THEORY = (ROOT / "docs" / "theory.md").read_text()
 # What each equation states, read in the paper; the code says the same words beside its number.
 TITLES = {

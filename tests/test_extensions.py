@@ -1,7 +1,6 @@
 """The examples of docs/developer_guide.md: parts of a user's own in place of the program's."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -14,14 +13,14 @@ from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.macro import equilibrium
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import Reduced
+from places import SQUEALING
 
-BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "squealing_block.toml"
 FRICTION, ROUGH = "contact.block_plate.friction", "joint"
 
 
 @pytest.fixture(scope="module")
 def brake():
-    return assemble(BLOCK, MPI.COMM_SELF)
+    return assemble(SQUEALING, MPI.COMM_SELF)
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,7 @@ class Stribeck:
 def test_a_friction_law_of_ones_own():
     """The modes of the table of the scene that has the same coefficient and slope at the speed."""
     own, slope = Stribeck(0.6, 0.3, 0.5), "stability.damping={ slope = true }"
-    speed = read_scene(BLOCK).motion.rate
+    speed = read_scene(SQUEALING).motion.rate
     (mu,), (fall,) = own.coefficient(np.array([speed]))
     # kinetic + a exp(-V / decay) with the decay of the speed.
     a = -fall * speed * np.e
@@ -84,13 +83,13 @@ def test_a_friction_law_of_ones_own():
     # The term needs a friction that depends on the speed in the scene; the own law replaces it.
     other = f"{FRICTION}={{ static = 0.3, kinetic = 0.2, decay = '1 m/s' }}"
     model = prepare(
-        BLOCK,
+        SQUEALING,
         ["countermeasures=[]", other, slope],
         extensions=Extensions(friction={"block_plate": own}),
     )
-    given = prepare(BLOCK, ["countermeasures=[]", f"{FRICTION}={table}", slope])
+    given = prepare(SQUEALING, ["countermeasures=[]", f"{FRICTION}={table}", slope])
     np.testing.assert_allclose(sample(model).s, sample(given).s, rtol=1e-8)
-    undamped = prepare(BLOCK, [f"{FRICTION}={mu}"])
+    undamped = prepare(SQUEALING, [f"{FRICTION}={mu}"])
     assert not np.allclose(sample(model).s, sample(undamped).s, rtol=1e-6)
 
 
@@ -107,8 +106,8 @@ class MassDamping:
 @pytest.mark.parametrize("method", ["full", "reduced"])
 def test_a_damping_term_of_ones_own_in_a_scene(method):
     changes = [f"stability.method={method}", "samples.n=2"]
-    damped = sample(prepare(BLOCK, changes, extensions=Extensions(damping=[MassDamping(40.0)])))
-    plain = sample(prepare(BLOCK, changes))
+    damped = sample(prepare(SQUEALING, changes, extensions=Extensions(damping=[MassDamping(40.0)])))
+    plain = sample(prepare(SQUEALING, changes))
     shifted = -40.0 + 1j * np.sqrt(-(plain.s**2) - 40.0**2)
     distance = abs(np.subtract.outer(shifted, damped.s)).min(axis=1)
     assert plain.s.size == damped.s.size and np.all(distance < 1e-5 * abs(shifted))
@@ -131,8 +130,8 @@ def test_a_law_of_a_random_input_of_ones_own():
     own = Extensions(random={FRICTION: Triangular(0.2)})
     given = f"samples.random.'{FRICTION}'={{ law = 'uniform', spread = 0.5 }}"
     changes = ["countermeasures=[]", given, "samples.joint.n=40", "samples.approaches=['joint']"]
-    model = prepare(BLOCK, changes, extensions=own)
-    nominal = read_scene(BLOCK).contact["block_plate"].friction
+    model = prepare(SQUEALING, changes, extensions=own)
+    nominal = read_scene(SQUEALING).contact["block_plate"].friction
     drawn = np.array([model.study.sample((ROUGH, k)).values[FRICTION] for k in range(40)])
     assert np.all(abs(drawn / nominal - 1) <= 0.2) and np.ptp(drawn) > 0.1 * nominal
     np.testing.assert_allclose(
@@ -152,4 +151,4 @@ def test_a_law_of_a_random_input_of_ones_own():
 )  # fmt: skip
 def test_extensions_that_fit_no_scene(own, more, said):
     with pytest.raises(SceneError, match=said):
-        prepare(BLOCK, extensions=own, **more)
+        prepare(SQUEALING, extensions=own, **more)

@@ -5,11 +5,9 @@ import subprocess
 import sys
 import tomllib
 from importlib.metadata import metadata
-from pathlib import Path
 
 from brake_fenicsx import __version__
-
-ROOT = Path(__file__).parents[1]
+from places import ROOT
 
 
 def test_the_version_stands_in_one_place():

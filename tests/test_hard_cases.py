@@ -1,13 +1,9 @@
 """docs/hard_cases.md lists the tests with the marker hard, one sentence each."""
 
-from pathlib import Path
-
 import pytest
 
+from places import ROOT
 from processes import script
-
-ROOT = Path(__file__).parents[1]
-
 
 generator = script("hard_cases.py")
 

@@ -1,9 +1,9 @@
 """Every key of a scene stands in a scene, script or page that we ship."""
 
 import re
-from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+from places import ROOT
+
 SHOWN = ("scripts", "docs", "README.md")
 
 

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.pipeline import run
+from places import BLOCK
 from processes import parallel
 
-BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
 ROUGH = [
     "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",

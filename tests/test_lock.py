@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -17,8 +16,8 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import store
 from brake_fenicsx.folder.lock import SILENCE, Lock
 from brake_fenicsx.folder.store import RUNNING
+from places import BLOCK
 
-BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
 ELSEWHERE = "another-machine-7-7"
 DIES = """
 import os, sys

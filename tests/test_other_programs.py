@@ -2,11 +2,11 @@
 
 import os
 import re
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from places import ROOT
+
 PAGE = (ROOT / "docs" / "what_other_programs_do.md").read_text()
 ROWS = [
     [cell.strip() for cell in line.strip("|").split(" | ")]

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from places import ROOT
+
 DOCS = ROOT / "docs"
 MADE = tomllib.loads((DOCS / "pictures.toml").read_text())
 # Words that make a command short: its picture has fewer points then.

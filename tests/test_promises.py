@@ -5,13 +5,12 @@ import re
 import subprocess
 import tomllib
 from copy import deepcopy
-from pathlib import Path
 
 import pytest
 
+from places import ROOT
 from processes import script
 
-ROOT = Path(__file__).parents[1]
 SCENES = sorted((ROOT / "scripts" / "scenes").rglob("*.toml"))
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 promises = script("promises")

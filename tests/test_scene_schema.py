@@ -3,7 +3,6 @@
 import json
 import re
 import tomllib
-from pathlib import Path
 
 import jsonschema
 import pytest
@@ -11,9 +10,8 @@ import pytest
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene
+from places import BLOCK, ROOT
 
-ROOT = Path(__file__).parents[1]
-BLOCK = ROOT / "scripts" / "scenes" / "block_on_plate.toml"
 SCENES = {path.name: path.read_text() for path in (ROOT / "scripts" / "scenes").glob("*.toml")}
 SCENES |= {
     f"{page.name} {i}": text

@@ -2,7 +2,6 @@
 
 import json
 import re
-from pathlib import Path
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -23,13 +22,12 @@ from brake_fenicsx.report.html import render_page
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.samples.sampling import draw_sample
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.approaches import friction_texts, listed
 from brake_fenicsx.scene.digest import laws_key
+from brake_fenicsx.scene.scene import friction_texts, listed
 from brake_fenicsx.scene.warnings import unusual
 from contact_alone import at_contact
+from places import BLOCK, SCENES
 
-SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
-BLOCK = SCENES / "block_on_plate.toml"
 ROUGH = [
     "stages=['surface','micro','equilibrium']", "surface.statistics={ S_q='3 um' }",
     "contact.block_plate.law=library", "parts.block.size='10 mm'", "parts.plate.size='14 mm'",

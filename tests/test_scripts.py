@@ -1,11 +1,11 @@
 """Scripts name what the package has: those that no other test runs too."""
 
 import runpy
-from pathlib import Path
 
 import pytest
 
-SCRIPTS = Path(__file__).parents[1] / "scripts"
+from places import SCRIPTS
+
 GUARDED = [p for p in sorted(SCRIPTS.glob("*.py")) if '__name__ == "__main__"' in p.read_text()]
 # Packages that not every set-up has.
 OPTIONAL = {"jupytext", "nbclient", "playwright"}

@@ -18,9 +18,8 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.lock import ARRAYS, Share, read_share
 from brake_fenicsx.results import sample_blocks as blocks
+from places import BLOCK, ROOT
 
-ROOT = Path(__file__).parents[1]
-BLOCK = ROOT / "scripts" / "scenes" / "block_on_plate.toml"
 STUDY = [
     "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",

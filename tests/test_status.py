@@ -11,8 +11,7 @@ import pytest
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.lock import Lock
-from brake_fenicsx.folder.status import read_status
-from brake_fenicsx.folder.store import PREPARED, RUNNING, Store
+from brake_fenicsx.folder.store import PREPARED, RUNNING, Store, read_status
 from brake_fenicsx.pipeline import run
 from coarse_block import BLOCK, ROUGH
 

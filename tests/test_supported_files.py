@@ -1,16 +1,15 @@
 """Small files of each kind have their right values; docs/supported_files.md says what is read."""
 
 import tomllib
-from pathlib import Path
 
 import pytest
 
+from places import ROOT
 from processes import script
 
 pytest.importorskip("pyNastran")
 pytest.importorskip("pyuff")
 pytest.importorskip("meshio")
-ROOT = Path(__file__).parents[1]
 FILES = ROOT / "tests" / "files"
 pages = script("supported_files.py")
 RIGHT = tomllib.loads((FILES / "right.toml").read_text(encoding="utf-8"))

@@ -6,7 +6,7 @@ inertia; ties glue two faces.
 Loads are a pressure, a force and a moment, or the displacement of a support. Pressures and forces
 are dead: they do not turn with the face. A force F and a moment m about the centroid of the face
 are spread as the traction whose virtual work is F . mean displacement + m . mean rotation
-(``macro.mean_motion``): uniform, and linear in x, y, z. A displacement g of held dofs, zero
+(``macro.tie``): uniform, and linear in x, y, z. A displacement g of held dofs, zero
 elsewhere, gives u = u' + g and the load -K g on the free dofs.
 """
 
@@ -21,13 +21,13 @@ import scipy.sparse as sp
 from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError, located
 from brake_fenicsx.extensions import provided
-from brake_fenicsx.macro import elasticity, mean_motion
+from brake_fenicsx.macro import elasticity
+from brake_fenicsx.macro import tie as glue
 from brake_fenicsx.macro.elasticity import Elastic
 from brake_fenicsx.macro.faces import Face, faces_of_bodies, gather_face
 from brake_fenicsx.macro.integrals import facet_areas
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.solver import with_interface
-from brake_fenicsx.macro.tie import GluedFaces, tied_faces
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.bodies_section import Load
@@ -62,7 +62,7 @@ def assemble_bodies(scene: Scene, mesh: Mesh) -> Elastic:
     )
     if any(part.matrices for part in scene.parts.values()):
         elastic = provided("bodies", "parts.NAME.matrices", "matrices")(scene, mesh, elastic)
-    glued: dict[str, GluedFaces] = {}
+    glued: dict[str, glue.GluedFaces] = {}
     for name, tie in scene.ties.items():
         if any(face in elastic.sets for face in tie.faces):
             continue
@@ -110,11 +110,11 @@ def part_axes(scene: Scene, face: str) -> Array:
 
 def _layer(
     scene: Scene, name: str, mesh: Mesh, elastic: Elastic, materials: Mapping[str, Material]
-) -> GluedFaces:
+) -> glue.GluedFaces:
     """The layer of a tie."""
     tie = scene.ties[name]
     faces = tie.faces[0], tie.faces[1]
-    found = tied_faces(mesh, elastic.free, faces, materials, tie.stiffness, tie.search)
+    found = glue.tied_faces(mesh, elastic.free, faces, materials, tie.stiffness, tie.search)
     left = 1e6 * max(found.uncovered, 0.0)
     rest = f", {left:.4g} mm^2 of {faces[0]} not" if left > 1e-3 else ""
     logger.info(
@@ -124,7 +124,7 @@ def _layer(
     return found
 
 
-def _glued_in_part(scene: Scene, layers: Mapping[str, GluedFaces]) -> list[str]:
+def _glued_in_part(scene: Scene, layers: Mapping[str, glue.GluedFaces]) -> list[str]:
     """Ties both faces of which are larger than what is glued of them, by these ties together."""
     whole: dict[str, float] = {}
     glued: dict[str, float] = {}
@@ -148,16 +148,12 @@ def _sprung(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> Elastic:
     spring, free = scene.springs[name], elastic.free
     ends = spring.faces or ()
     faces = {f: _on_bodies(mesh, elastic, f) for f in ends if f not in elastic.sets}
-    mean_motion.check_size([part for parts in faces.values() for part, _ in parts])
+    glue.check_size([part for parts in faces.values() for part, _ in parts])
     means = {
-        f: [(mean_motion.mean_of_nodes(nodes), 1.0)]
-        for f, nodes in elastic.sets.items()
-        if f in ends
+        f: [(glue.mean_of_nodes(nodes), 1.0)] for f, nodes in elastic.sets.items() if f in ends
     }
     for face, parts in faces.items():
-        means[face] = [
-            (mean_motion.mean_displacement(part, free.size), share) for part, share in parts
-        ]
+        means[face] = [(glue.mean_displacement(part, free.size), share) for part, share in parts]
     first, second = (means[face] for face in ends)
     if min(len(first), len(second)) > 1:
         raise SceneError(f"""faces = {list(ends)!r}: {len(first)} bodies have the first face and
@@ -179,10 +175,10 @@ def _sprung(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> Elastic:
 def _inert(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> Elastic:
     """Add the moments of inertia on a face to the mass, to each body its share."""
     faces = _on_bodies(mesh, elastic, name)
-    mean_motion.check_size([face for face, _ in faces])
+    glue.check_size([face for face, _ in faces])
     turn = sp.csr_matrix(part_axes(scene, name).T)
     for face, share in faces:
-        J = (turn @ mean_motion.mean_rotation(face, elastic.free.size)).tocsr()
+        J = (turn @ glue.mean_rotation(face, elastic.free.size)).tocsr()
         inertia = share * np.array(scene.masses[name].inertia)
         elastic = replace(elastic, M=with_interface(elastic.M, J, inertia, J))
     return elastic
@@ -255,9 +251,7 @@ def _vector(scene: Scene, mesh: Mesh, elastic: Elastic, face: str) -> Array:
     f = np.zeros(free.size)
     if load.force is not None:
         mean = (
-            mean_motion.mean_of_nodes(nodes)
-            if given is None
-            else mean_motion.mean_displacement(given, free.size)
+            glue.mean_of_nodes(nodes) if given is None else glue.mean_displacement(given, free.size)
         )
         f += mean.T @ (axes @ load.force)
     if load.moment is not None:
@@ -267,7 +261,7 @@ def _vector(scene: Scene, mesh: Mesh, elastic: Elastic, face: str) -> Array:
         if len(faces_of_bodies(free, given)) > 1:
             raise SceneError(f"""{scene.file}: loads."{face}".moment: the face lies on several
                 bodies; give each a part of its own, and a load on the face of each""")
-        f += mean_motion.mean_rotation(given, free.size).T @ (axes @ load.moment)
+        f += glue.mean_rotation(given, free.size).T @ (axes @ load.moment)
     return f
 
 

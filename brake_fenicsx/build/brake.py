@@ -14,15 +14,14 @@ from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import OfOneProcess, SceneError, lines
 from brake_fenicsx.extensions import sections
 from brake_fenicsx.macro.condensation import Compliance
-from brake_fenicsx.macro.contact_elements import Contact, join
+from brake_fenicsx.macro.contact_elements import Contact, Stuck, join, stick
 from brake_fenicsx.macro.elasticity import Elastic, affine_parts, layer_masses
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.sliding_friction import Rotation
-from brake_fenicsx.macro.stuck import Stuck, stick
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.bodies_section import Motion
+from brake_fenicsx.scene.scene import slides
 from brake_fenicsx.stability.damping_matrices import gyroscopic
 
 from .bodies import assemble_bodies, lift, load_vectors, on_matrices, pressing

@@ -21,7 +21,7 @@ from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.meshing.brake_mesh import extent
 from brake_fenicsx.meshing.rawmesh import EDGES, RawMesh, Stated, Unread
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.approaches import slides
+from brake_fenicsx.scene.scene import slides
 from brake_fenicsx.scene.units import quantity_text
 
 from .brake import Brake

@@ -29,13 +29,13 @@ from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import face_mass
 from brake_fenicsx.macro.material import rotate_about_z
-from brake_fenicsx.macro.matrix_series import Power
 from brake_fenicsx.macro.sliding_friction import Rotation
+from brake_fenicsx.macro.stretching import Power
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.approaches import turning_parts
 from brake_fenicsx.scene.samples_section import is_constant, split_key
 from brake_fenicsx.scene.scalars import SPEED, is_inertia, is_length
+from brake_fenicsx.scene.scene import turning_parts
 from brake_fenicsx.stability.substructures import Parameters
 
 from . import material_table

@@ -31,9 +31,10 @@ import scipy.sparse as sp
 from brake_fenicsx.arguments import Array
 from brake_fenicsx.macro.contact_elements import Contact
 from brake_fenicsx.macro.sliding_friction import Rotation, SlidingFriction
-from brake_fenicsx.scene import Scene, approaches
+from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.samples_section import split_key
 from brake_fenicsx.scene.scalars import SPEED
+from brake_fenicsx.scene.scene import active_terms, damped_bodies, damped_springs, turning_parts
 from brake_fenicsx.scene.stability_section import Damping, ModalDamping
 from brake_fenicsx.stability.damping_matrices import friction_damping
 from brake_fenicsx.stability.substructures import Substructure
@@ -110,10 +111,10 @@ def record(scene: Scene, contact: Contact) -> dict[str, Any]:
     table, moving = scene.damping or Damping(), contact.speed[contact.speed > 0]
     speeds = {"speeds_m_s": [float(moving.min()), float(moving.max())] if moving.size else []}
     losses = {name: m.loss for name, m in scene.materials.items() if m.loss}
-    rate, turns = scene.motion.rate if scene.motion else 0.0, approaches.turning_parts(scene)
+    rate, turns = scene.motion.rate if scene.motion else 0.0, turning_parts(scene)
     facts: dict[str, dict[str, Any]] = {
-        "springs": {f"{name}_N_s_m": [*c] for name, c in approaches.damped_springs(scene).items()},
-        "matrices": {**approaches.damped_bodies(scene)},
+        "springs": {f"{name}_N_s_m": [*c] for name, c in damped_springs(scene).items()},
+        "matrices": {**damped_bodies(scene)},
         "rayleigh": dict(zip(("alpha_1_s", "beta_s"), table.rayleigh or (), strict=False)),
         "loss": {"omega_ref_rad_s": table.reference, "factors": losses} if table.loss else {},
         "sliding": speeds if table.sliding else {},
@@ -122,7 +123,7 @@ def record(scene: Scene, contact: Contact) -> dict[str, Any]:
         "own": {"terms": [repr(term) for term in table.own]} if table.own else {},
         "modal": {name: asdict(given) for name, given in table.modal.items()},
     }
-    acting = {name: approaches.active_terms(scene, name) for name in scene.samples.approaches}
+    acting = {name: active_terms(scene, name) for name in scene.samples.approaches}
     return {
         term: {**numbers, "approaches": [name for name, terms in acting.items() if term in terms]}
         for term, numbers in facts.items()
@@ -191,7 +192,7 @@ def mass_share(scene: Scene, values: Mapping[str, float]) -> float:
 
 def turning_density(scene: Scene, brake: Brake) -> dict[str, float]:
     """Density of the layers that turn [kg/m^3]."""
-    turns = {*approaches.turning_parts(scene)}
+    turns = {*turning_parts(scene)}
     return {n: m.rho for n, m in brake.materials.items() if n.partition(".")[0] in turns}
 
 

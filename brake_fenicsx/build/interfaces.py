@@ -15,8 +15,8 @@ from brake_fenicsx.macro.elasticity import FreeDofs
 from brake_fenicsx.macro.sliding_friction import Motion, Rotation, Translation
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.contact_section import Zone
+from brake_fenicsx.scene.scene import slides
 from brake_fenicsx.scene.units import quantity_text
 
 TURN = 2 * np.pi

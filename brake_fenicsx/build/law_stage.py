@@ -22,7 +22,7 @@ from brake_fenicsx.scene.digest import laws_key
 
 if TYPE_CHECKING:
     from brake_fenicsx.micro.halfspace import Boundary
-    from brake_fenicsx.micro.settings import BulkCompliance
+    from brake_fenicsx.micro.law_of_surface import BulkCompliance
     from brake_fenicsx.scene.surface_section import Micro
     from brake_fenicsx.stages import Run
     from brake_fenicsx.surface import SurfaceStatistics, Topography
@@ -128,7 +128,7 @@ class _Laws:
     def write(self, path: Path) -> None:
         """Make the laws and the scatter of scans drawn anew, and write the library; collective."""
         from brake_fenicsx.micro.law_of_surface import doubts
-        from brake_fenicsx.micro.support import PRESSURES, law_support
+        from brake_fenicsx.micro.library import PRESSURES, law_support
 
         comm, store, table, recipe = self.this.comm, self.this.store, self.table, self.recipe
         store.path(PIECES).mkdir(parents=True, exist_ok=True)
@@ -199,7 +199,7 @@ class _Laws:
 
     def _drawn(self, number: int) -> Array | None:
         """The law of a scan drawn anew, see ``drawn_law``; None of one too poor for a fit."""
-        from brake_fenicsx.micro.support import drawn_law
+        from brake_fenicsx.micro.library import drawn_law
 
         def solve() -> dict[str, Any]:
             return {"rows": drawn_law(self.recipe, self.stats, self.table.seed, number)}

@@ -22,8 +22,8 @@ from brake_fenicsx.macro.stretching import Stretch, check_layer
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.meshing.rawmesh import RawMesh
 from brake_fenicsx.scene import Scene, parts_section
-from brake_fenicsx.scene.body_rules import faces_by_area
 from brake_fenicsx.scene.keys import key_parts
+from brake_fenicsx.scene.rules import faces_by_area
 from brake_fenicsx.scene.scalars import written_value
 
 from .brake import Brake
@@ -197,9 +197,8 @@ class MovingContact:
                         self._scene, name, b.mesh, b.elastic.free, MPI.COMM_SELF
                     )
                 if len(here.w) != len(there.w) or np.any(abs(here.points - there.points) > reach):
-                    raise SceneError(
-                        f"facets of contact.{name} come into contact or leave it: narrow the range"
-                    )
+                    raise SceneError(f"""facets of contact.{name} come into contact or leave it:
+                        narrow the range""")
                 every.append(there)
         finally:
             x[:] = before

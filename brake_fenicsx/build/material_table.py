@@ -142,9 +142,8 @@ def stiffness(t: MaterialTable) -> Array:
     values = {n: np.atleast_1d(np.asarray(getattr(t, n), dtype=float)) for n in needed}
     for name, count in engineering.items():
         if values[name].size != count:
-            raise SceneError(
-                f"{name} has {values[name].size} values; model = {t.model!r} needs {count}"
-            )
+            raise SceneError(f"""{name} has {values[name].size} values; model = {t.model!r} needs
+                {count}""")
     return _from_engineering(t.model, **values)
 
 

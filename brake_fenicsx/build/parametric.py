@@ -5,8 +5,6 @@ where they are asked for, which a sample of the reduced model does not. Matrices
 itself tell what a mode owes to it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
@@ -46,7 +44,7 @@ class ParametricBrake(Brake):
     changes: ChangingBodies
     terms: Terms
 
-    def at(self, values: Mapping[str, float]) -> BrakeAt:
+    def at(self, values: Mapping[str, float]) -> "BrakeAt":
         """The brake of a sample.
 
         Args:

@@ -11,8 +11,6 @@ The scalars that bodies depend on lie, for nearly all samples, in a box that the
 the values of a sweep span; the reduced model is interpolated over it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cached_property
 from itertools import product
@@ -51,7 +49,7 @@ class Values(dict[str, float]):
         self.scene: Scene = scene
 
     @classmethod
-    def of(cls, scene: Scene, given: Mapping[str, float]) -> Values:
+    def of(cls, scene: Scene, given: Mapping[str, float]) -> "Values":
         """Some scalars as values, whose materials are computed once."""
         return given if isinstance(given, cls) else cls(scene, given)
 

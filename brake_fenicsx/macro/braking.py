@@ -1,7 +1,5 @@
 """Braking equilibrium of an assembled brake: laws and critical gaps in, displacements out."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -56,10 +54,8 @@ def equilibrium(
     for name, value in (("g_cr", g_cr), ("mu", mu)):
         given = np.asarray(value, dtype=float)
         if given.shape not in ((), (n,)):
-            raise SceneError(
-                f"{name}: shape {given.shape}; give one value, or one for each of the {n} contact"
-                " elements"
-            )
+            raise SceneError(f"""{name}: shape {given.shape}; give one value, or one for each of the
+                {n} contact elements""")
         if not np.all(np.isfinite(given)):
             raise SceneError(f"{name}: a value is not finite")
     gaps = np.broadcast_to(np.asarray(g_cr, dtype=float), (n,))

@@ -5,8 +5,6 @@ seen through N and T, is all that contact needs: exact, dense, small. The solves
 are shared by the processes of a communicator, each of which holds the factor.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Protocol
 

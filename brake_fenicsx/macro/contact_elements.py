@@ -10,12 +10,25 @@ exactly. A facet that the other face covers in part keeps one element.
 share of the area around the node. It does not pass a uniform pressure exactly.
 
 n points from disc to pad, a positive gap is open, and slip is pad minus disc.
+
+Interfaces whose faces stick: tangential springs before slip, and how far that holds.
+
+The law of the contact acts along the normal, as everywhere. Along the faces every contact element
+of area w has the traction k_t times its slip, that of the first face less that of the second,
+
+    K <- K + sum w k_t (T'T + R'R),
+
+in the equilibrium and in the modes, whether the element is open or not and however large its slip:
+the state at equilibrium says where that is wrong, |k_t slip| > mu p (Coulomb) or p = 0.
+
+Forces of the braking equilibrium on each pad: normal force, friction, torque, where they act.
+
+The disc's material enters beneath the pad at the leading edge and leaves at the trailing one: the
+sliding direction s, the disc's velocity relative to the pad, points from the first to the second.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mpi4py import MPI
@@ -28,10 +41,9 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.brake_mesh import Mesh
 
 from .elasticity import FreeDofs
-from .faces import gather_face
+from .faces import directions_across, gather_face
 from .integrals import Integrals, facet_integrals, node_integrals
-from .projection import directions_across
-from .sliding_friction import Motion, slip_frame
+from .sliding_friction import Motion, Rotation, slip_frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,9 +114,8 @@ def contact_elements(
     else:
         parts = facet_integrals(pad, disc, reach, discretisation == "quadrature", comm)
     if not parts.w.size or parts.w.sum() <= 0:
-        raise SceneError(
-            f"contact: the faces {faces[0]!r} and {faces[1]!r} do not oppose each other anywhere"
-        )
+        raise SceneError(f"""contact: the faces {faces[0]!r} and {faces[1]!r} do not oppose each
+            other anywhere""")
     return _elements(parts, free.size, motion)
 
 
@@ -156,3 +167,173 @@ def _operator(size: tuple[int, int], row: Ints, columns: Ints, values: Array) ->
     held = columns < 0
     rows = np.repeat(row, columns.shape[1]).reshape(columns.shape)
     return sp.csr_matrix((values[~held], (rows[~held], columns[~held])), shape=size)
+
+
+@dataclass(frozen=True, slots=True)
+class Stuck:
+    """Tangential springs of one interface.
+
+    Attributes:
+        T: slip along the first direction, CSR, shape (elements, free dofs).
+        R: slip along the second one.
+        contact: the elements; of their own T and R nothing is left.
+        stiffness: k_t [Pa/m].
+    """
+
+    T: sp.csr_matrix
+    R: sp.csr_matrix
+    contact: Contact
+    stiffness: float
+
+    def matrix(self) -> sp.csr_matrix:
+        """Stiffness of the springs on the free dofs [N/m]."""
+        springs = sp.diags(self.contact.w * self.stiffness)
+        return sum(A.T.tocsr() @ springs @ A for A in (self.T, self.R)).tocsr()
+
+    def state(self, u: Array, p: Array, limit: float | None = None) -> "StuckState":
+        """What the faces do at an equilibrium.
+
+        Args:
+            u: displacement [m], shape (free dofs,).
+            p: pressures of these elements [Pa], shape (elements,).
+            limit: friction coefficient up to which faces stick; None: none is known.
+        """
+        c, n = self.contact, self.contact.normal
+        along, across = (-self.stiffness * (A @ u) for A in (self.T, self.R))
+        traction = along[:, None] * c.s + across[:, None] * np.cross(n, c.s)
+        is_open, beyond = p <= 0, np.zeros(p.shape, dtype=bool)
+        if limit is not None:
+            beyond = ~is_open & (np.hypot(along, across) > limit * p)
+        return StuckState(is_open, beyond, c.w, (c.w * p) @ n, c.w @ traction)
+
+
+@dataclass(frozen=True, slots=True)
+class StuckState:
+    """State of an interface whose faces stick.
+
+    Attributes:
+        is_open: whether an element carries no pressure, shape (elements,).
+        beyond: whether a closed one has more than the friction coefficient times the pressure along
+            the faces.
+        w: areas [m^2].
+        normal: normal force on the first face [N], shape (3,).
+        tangential: force along the faces on it [N], shape (3,).
+    """
+
+    is_open: Mask
+    beyond: Mask
+    w: Array
+    normal: Array
+    tangential: Array
+
+    def share(self, chosen: Mask) -> float:
+        """Share of some elements in the area [-]."""
+        return float(self.w[chosen].sum() / self.w.sum())
+
+
+def stick(contact: Contact, stiffness: float) -> tuple[Contact, Stuck]:
+    """An interface without slip operators, and the springs in their place.
+
+    Args:
+        contact: the interface, of faces without motion.
+        stiffness: k_t [Pa/m].
+    """
+    none = sp.csr_matrix(contact.T.shape)
+    bare = replace(contact, T=none, R=none)
+    return bare, Stuck(contact.T, contact.R, bare, stiffness)
+
+
+@dataclass(frozen=True, slots=True)
+class PadForces:
+    """What one pad carries.
+
+    Attributes:
+        name: the interface, and the side where it has two.
+        normal: normal force [N].
+        friction: friction force on the pad [N], shape (3,); its size is that of this vector.
+        torque: moment of the friction on the disc about its axis against the rotation [N m]; nan
+            without a rotation.
+        effective_radius: torque over the sum of mu w p [m]; nan likewise.
+        area: area of the elements in contact [m^2].
+        nominal_area: area of all elements [m^2].
+        largest_pressure: of an element [Pa].
+        centre: centre of pressure [m], shape (3,).
+        towards_leading: its distance from the middle of the face against s [m].
+        leading_share: share of the normal force on the leading half of the face [-].
+        edges: angle about the axis of leading and trailing edge [rad], or place along s [m].
+    """
+
+    name: str
+    normal: float
+    friction: Array
+    torque: float
+    effective_radius: float
+    area: float
+    nominal_area: float
+    largest_pressure: float
+    centre: Array
+    towards_leading: float
+    leading_share: float
+    edges: tuple[float, float]
+
+
+def pad_forces(
+    contact: Contact, names: Sequence[str], motion: Motion, p: Array, mu: Array
+) -> list[PadForces]:
+    """Forces of an equilibrium, for each interface and side of the disc.
+
+    Args:
+        contact: contact elements of all interfaces.
+        names: names of the interfaces.
+        motion: of the disc.
+        p: pressures [Pa], shape (elements,).
+        mu: friction coefficients, shape (elements,).
+    """
+    forces = []
+    for i, name in enumerate(names):
+        # Faces that stick have no sliding direction, nor edges.
+        sliding = (contact.interface == i) & (contact.speed > 0)
+        axis = motion.frame[2] if isinstance(motion, Rotation) else np.eye(3)[2]
+        top, name_of = contact.normal @ axis > 0, "z" if axis[2] == 1 else "axis"
+        sides = [(f"{name_of} > 0", sliding & top), (f"{name_of} < 0", sliding & ~top)]
+        two = all(side.any() for _, side in sides)
+        for side, chosen in sides:
+            if chosen.any():
+                label = f"{name}, {side}" if two else name
+                forces.append(_forces(contact, label, chosen, motion, p, mu))
+    return forces
+
+
+def _forces(
+    contact: Contact, name: str, chosen: Mask, motion: Motion, p: Array, mu: Array
+) -> PadForces:
+    x, s, w = contact.points[chosen], contact.s[chosen], contact.w[chosen]
+    force = w * p[chosen]
+    drag = mu[chosen] * force
+    total, middle = float(force.sum()), w @ x / w.sum()
+    torque, radius = np.nan, np.nan
+    if isinstance(motion, Rotation):
+        sense, at, slip = np.sign(motion.speed), motion.local(x), s @ motion.frame.T
+        torque = sense * float(drag @ (at[:, 0] * slip[:, 1] - at[:, 1] * slip[:, 0]))
+        radius = torque / drag.sum() if drag.any() else np.nan
+        # Arcs of the middle's radius, from the middle towards the trailing edge.
+        one, two, _ = w @ at / w.sum()
+        turn = np.angle((at[:, 0] + 1j * at[:, 1]) / (one + 1j * two))
+        along = sense * turn * np.hypot(one, two)
+        angles = turn + np.arctan2(two, one)
+        edges = angles[along.argmin()], angles[along.argmax()]
+    else:
+        along = (x - middle) @ (w @ s / np.linalg.norm(w @ s))
+        edges = along.min(), along.max()
+    # Without pressure there is no centre of it.
+    centre: Array = np.full(3, np.nan)
+    towards, leading = np.nan, np.nan
+    if total > 0:
+        centre = np.asarray(force @ x / total, dtype=float)
+        towards = -float(force @ along) / total
+        leading = float(force[along < 0].sum() + 0.5 * force[along == 0].sum()) / total
+    return PadForces(
+        name, total, drag @ s, float(torque), float(radius), float(w[p[chosen] > 0].sum()),
+        float(w.sum()), float(p[chosen].max()), centre, towards, leading,
+        (float(edges[0]), float(edges[1])),
+    )  # fmt: skip

@@ -4,8 +4,6 @@ Clamped dofs are taken out of the matrices, so that they leave no spurious eigen
 Second-order elements by default: linear ones lock in bending.
 """
 
-from __future__ import annotations
-
 import brake_fenicsx.petsc_started  # noqa: F401
 
 # isort: split

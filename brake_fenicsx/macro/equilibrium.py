@@ -4,9 +4,18 @@
 
 with q = p + k0 (g - g0):  u = K0^-1 (f + N'W q + mu T'W p), so that g alone is unknown. Newton's
 step in g is the step of the full system.
-"""
 
-from __future__ import annotations
+Equilibria beside a known one: to first order in loads and friction, and of changed bodies.
+
+At fixed laws p = P(g), dp = -k dg; the condensed equilibrium (``equilibrium``) then gives dg from
+one solution with the matrix of its last Newton step.
+
+Of bodies whose stiffness differs from the factored one,
+(K + dK) u = f + N'W p + mu T'W p is solved as K u = (f - dK u_before) + ...: the condensed
+equilibrium under corrected loads, again and again. Nothing is factored. It contracts by the largest
+|eigenvalue| of K^-1 dK, which materials within +-x of the reference keep below x, and converges to
+the equilibrium of the changed bodies itself.
+"""
 
 import time
 import warnings
@@ -15,6 +24,7 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 
 from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.errors import NotConverged
@@ -155,11 +165,9 @@ def raised_friction(
         step *= GROWTH
     if shares[-1] == 1.0:
         return replace(found[-1], mu=mu)
-    raise NotConverged(
-        f"equilibrium: none was found at a friction coefficient of {largest:.3g}; the one without"
-        f" friction was followed up to {shares[-1] * largest:.3g} and no further: more friction"
-        " tips or locks a part; lower the friction, or change supports or loads"
-    )
+    raise NotConverged(f"""equilibrium: none was found at a friction coefficient of {largest:.3g};
+        the one without friction was followed up to {shares[-1] * largest:.3g} and no further: more
+        friction tips or locks a part; lower the friction, or change supports or loads""")
 
 
 def record(
@@ -204,9 +212,8 @@ def solved(J: Array, b: Array, elements: int) -> Array:
             x = _refined(J, b, chosen)
             return x if x is not None else la.solve(J, b)
     except (la.LinAlgError, ValueError) as error:
-        raise NotConverged(
-            "equilibrium: all contact elements open during the iteration; raise the load steps"
-        ) from error
+        raise NotConverged("""equilibrium: all contact elements open during the iteration; raise the
+            load steps""") from error
 
 
 def _refined(J: Array, b: Array, chosen: Mask) -> Array | None:
@@ -285,3 +292,115 @@ def displacement(ops: Any, eq: Equilibrium, f: Array) -> Array:
     normal, along, _ = patch_forces(ops.w, eq.p, eq.k, sliding(eq.mu, eq.p)).value
     springs = ops.w * ops.compliance.k0 * (eq.g - ops.g0)
     return ops.compliance.solve(f + ops.N.T @ (normal + springs) + ops.T.T @ along)
+
+
+@dataclass(frozen=True, slots=True)
+class EquilibriumChange:
+    """Derivatives of an equilibrium to a parameter, shape (elements,).
+
+    Attributes:
+        p: of the pressures [Pa].
+        k: of the stiffnesses of small vibrations [Pa/m].
+    """
+
+    p: Array
+    k: Array
+
+
+def equilibrium_change(
+    compliance: Compliance,
+    w: Array,
+    laws: EnrichedGap,
+    eq: Equilibrium,
+    Nf: Array | None = None,
+    mu: Array | None = None,
+) -> EquilibriumChange:
+    """Derivatives of an equilibrium to a load and to friction.
+
+    Args:
+        compliance: the bodies seen from the contact elements.
+        w: areas [m^2], shape (elements,).
+        laws: law and critical gap of every element.
+        eq: the equilibrium.
+        Nf: change of the loads, as ``Compliance.Nf`` [m]; none if None.
+        mu: change of the friction coefficients, shape (elements,); none if None.
+
+    Raises:
+        NotConverged: the equilibrium is at a limit of its stability.
+    """
+    rhs = np.zeros(len(compliance.NT)) if Nf is None else Nf
+    if mu is not None:
+        rhs = rhs + compliance.NT @ (w * mu * eq.p)
+    moved = Condensed(replace(compliance, Nf=rhs), w, np.zeros_like(w), eq.mu)
+    g = moved.linear(1.0, np.zeros_like(w), eq.k)
+    return EquilibriumChange(-eq.k * g, laws.vibration(eq.g)[1] * g)
+
+
+@dataclass(frozen=True, slots=True)
+class BodyOperators:
+    """Operators of the bodies with the loads of one sample.
+
+    Attributes:
+        N: gap operator, shape (elements, dofs).
+        T: slip operator.
+        w: areas [m^2].
+        g0: gaps of the undeformed bodies [m].
+        f: loads [N], shape (dofs,).
+        compliance: the reference bodies seen from the contact elements, under these loads.
+    """
+
+    N: sp.csr_matrix
+    T: sp.csr_matrix
+    w: Array
+    g0: Array
+    f: Array
+    compliance: Compliance
+
+
+def corrected_equilibrium(
+    bodies: BodyOperators,
+    change: sp.csr_matrix,
+    laws: EnrichedGap,
+    mu: float | Array = 0.0,
+    steps: int = 1,
+    tolerance: float = 1e-10,
+    most: int = 60,
+) -> Equilibrium:
+    """Equilibrium of the changed bodies.
+
+    Args:
+        bodies: the reference bodies and the loads.
+        change: dK [N/m], shape (dofs, dofs).
+        laws: law and critical gap of every element.
+        mu: friction coefficient, one or one per element.
+        steps: equal load steps of each condensed equilibrium.
+        tolerance: residual of each condensed equilibrium and of the changed bodies, relative to
+            the contact forces.
+        most: corrections allowed.
+
+    Returns:
+        The equilibrium with its displacement and the Newton iterations of each correction.
+
+    Raises:
+        NotConverged: the change is too large for corrections, or Newton's iteration stalls.
+    """
+    start = time.perf_counter()
+    f, last, counts = bodies.f, np.inf, []
+    for _ in range(most):
+        seen = replace(bodies.compliance, Nf=bodies.N @ bodies.compliance.solve(f))
+        eq = equilibrium(replace(bodies, compliance=seen), laws, mu, steps, tolerance)
+        counts.append(sum(eq.iterations))
+        u = displacement(bodies, eq, f)
+        # What the changed bodies still lack: dK (u - u_before).
+        corrected = bodies.f - change @ u
+        normal, along, _ = patch_forces(bodies.w, eq.p, eq.k, sliding(mu, eq.p)).value
+        push = bodies.N.T @ normal + bodies.T.T @ along
+        defect = float(np.linalg.norm(corrected - f) / np.linalg.norm(push))
+        if defect <= tolerance:
+            residual, seconds = max(eq.residual, defect), time.perf_counter() - start
+            return replace(eq, residual=residual, iterations=tuple(counts), seconds=seconds, u=u)
+        if not defect < last:
+            break
+        f, last = corrected, defect
+    raise NotConverged(f"""equilibrium of changed bodies: corrections stall at a residual of
+        {defect:.1e}; the materials are too far from those of the scene""")

@@ -13,8 +13,6 @@ equilibrium. Bodies given by matrices of few digits resist rigid motions by thei
 not named.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Or, node to surface: every node of the first face against its projection on the second.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,9 +14,8 @@ from scipy.special import roots_sh_legendre
 
 from brake_fenicsx.arguments import Array, Ints, Mask
 
-from .faces import Face
+from .faces import EDGE, Face, search
 from .overlap import Overlap, facing_pairs, overlap, rule
-from .projection import EDGE, search
 
 # Gauss points of the pressure on a facet.
 GAUSS = {
@@ -89,12 +86,11 @@ def facet_integrals(
     number[kept] = np.arange(kept.size)
     used = number[row] >= 0
     element, scale = number[row[used]], 1 / whole[row[used]][:, None]
+    both = (pad, facet_pad, on_pad, pad_normal), (disc, facet_disc, on_disc, disc_normal)
     sides = [
         (element, face.columns[facet[used]], v[used] * scale, m[used] * scale[..., None])
-        for face, facet, v, m in (
-            (pad, facet_pad, on_pad, pad_normal), (disc, facet_disc, on_disc, disc_normal)
-        )
-    ]  # fmt: skip
+        for face, facet, v, m in both
+    ]
     mean = [np.stack([total(v[:, c])[kept] for c in range(3)], axis=1) for v in (where, normal)]
     w = whole[kept]
     return Integrals(
@@ -212,9 +208,7 @@ def _integrate(pad: Face, disc: Face, o: Overlap, tests: _Tests) -> tuple[Any, .
     for face, x in ((pad, o.on_pad), (disc, o.on_disc)):
         weighted = np.einsum("pqa,pqm->pqam", psi, face.element.shape(x))
         both += [weighted.sum(axis=1), np.einsum("pqam,pqc->pamc", weighted, o.n)]
-    integrals = [
-        psi.sum(axis=1), np.einsum("pqa,pq->pa", psi, o.gap),
-        np.einsum("pqa,pqc->pac", psi, o.x), np.einsum("pqa,pqc->pac", psi, o.n), *both,
-    ]  # fmt: skip
+    vectors = [np.einsum("pqa,pqc->pac", psi, v) for v in (o.x, o.n)]
+    integrals = [psi.sum(axis=1), np.einsum("pqa,pq->pa", psi, o.gap), *vectors, *both]
     flat = [v.reshape(rows.size, *v.shape[2:]) for v in integrals]
     return rows, *flat, np.repeat(o.pad, a), np.repeat(o.disc, a)

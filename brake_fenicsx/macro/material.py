@@ -4,8 +4,6 @@ Voigt order 11, 22, 33, 23, 13, 12, with engineering shear strains; axes 1, 2, 3
 own: for a pad 1 tangential at mid pad, 2 radial, 3 = z (the disc axis).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,10 +34,8 @@ class Material:
             raise SceneError("the stiffness matrix is not symmetric, or not a number")
         lowest = np.linalg.eigvalsh(self.C)[0]
         if not lowest > 0:
-            raise SceneError(
-                f"the stiffness matrix is not positive definite: eigenvalue {lowest:.4g} Pa;"
-                " check moduli and Poisson ratios"
-            )
+            raise SceneError(f"""the stiffness matrix is not positive definite: eigenvalue
+                {lowest:.4g} Pa; check moduli and Poisson ratios""")
         if not self.loss >= 0:
             raise SceneError(f"loss factor {self.loss} must be zero or more")
         if not self.rho > 0:
@@ -62,10 +58,8 @@ def isotropic(E: float, nu: float) -> Array:
     if not (E > 0 and -1 < nu < 0.5):
         with np.errstate(divide="ignore"):
             lowest = np.divide(E, [1 + nu, 1 - 2 * nu]).min()
-        raise SceneError(
-            f"E = {E:g} Pa, nu = {nu:g}: not positive definite, eigenvalue {lowest:.4g} Pa;"
-            " E > 0 and -1 < nu < 0.5 are needed"
-        )
+        raise SceneError(f"""E = {E:g} Pa, nu = {nu:g}: not positive definite, eigenvalue
+            {lowest:.4g} Pa; E > 0 and -1 < nu < 0.5 are needed""")
     lame, G = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
     C = np.zeros((6, 6))
     C[:3, :3] = lame
@@ -133,9 +127,8 @@ def orthotropic(E: Array, nu: Array, G: Array) -> Array:
     S = orthotropic_stiffness(*1 / E, *-nu / E[[0, 0, 1]], *1 / G)
     lowest = np.linalg.eigvalsh(S[:3, :3])[0]
     if not lowest > 0:
-        raise SceneError(
-            f"the compliance is not positive definite: eigenvalue {lowest:.4g} 1/Pa; lower nu"
-        )
+        raise SceneError(f"""the compliance is not positive definite: eigenvalue {lowest:.4g} 1/Pa;
+            lower nu""")
     return np.asarray(np.linalg.inv(S), float)
 
 

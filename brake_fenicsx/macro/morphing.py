@@ -11,8 +11,6 @@ all of these lie i pi away from the axis of u or farther, so that a Chebyshev se
 reaches the round-off of factors (``matrix_series``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -29,8 +27,7 @@ from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.meshing.quality import determinants
 from brake_fenicsx.meshing.rawmesh import RawMesh, body_of_points, facet_nodes
 
-from .matrix_series import DEGREES, Power, matrix_series, products
-from .stretching import Assembly
+from .stretching import DEGREES, Assembly, Power, matrix_series, products
 
 # Faces move evenly if their nodes do to this share of the largest movement.
 EVEN = 1e-6
@@ -114,10 +111,8 @@ class Moving:
         if (found := matrix_series(at, len(self.usual))) is None:
             ends = (f"between {a:.4g} and {b:.4g} mm" for a, b in 1e3 * self.ends)
             ranges = " and ".join(ends)
-            raise InaccurateResult(
-                f"the stiffness of {', '.join(self.layers)} changes too much {ranges} for a series"
-                f" of degree {DEGREES[-1]}: narrow the range"
-            )
+            raise InaccurateResult(f"""the stiffness of {", ".join(self.layers)} changes too much
+                {ranges} for a series of degree {DEGREES[-1]}: narrow the range""")
         return found
 
     def _u(self, p: Array) -> Array:
@@ -197,10 +192,8 @@ def moving(
             for _ in range(HALVINGS):
                 middle = 0.5 * (good + bad)
                 good, bad = (good, middle) if mistake(middle) else (middle, bad)
-            raise SceneError(
-                f"{names}: at {said(p)}: {text}; the mesh holds to {said(good)}: narrow the range,"
-                " or take a mesh whose cells stand more"
-            )
+            raise SceneError(f"""{names}: at {said(p)}: {text}; the mesh holds to {said(good)}:
+                narrow the range, or take a mesh whose cells stand more""")
     layers = dict.fromkeys(layer for one in v for layer in deformed_layers(mesh, one))
     return Moving(
         tuple(layers), usual, ends, folds, v[:, mesh.domain.geometry.input_global_indices], slides
@@ -264,18 +257,14 @@ def _sliding(mesh: RawMesh, v: Array, faces: Mapping[str, str]) -> frozenset[str
         np.minimum.at(low, plane.ravel(), step.min(axis=1))
         np.maximum.at(high, plane.ravel(), step.max(axis=1))
         if np.max(high - low) > tolerance:
-            raise SceneError(
-                f"{key}: the length deforms or tilts the face {face}; a face that carries anything"
-                " may move as a whole alone, and one in contact along its plane as well: leave its"
-                " nodes in their places relative to each other, or run the scene once for each"
-                " value"
-            )
+            raise SceneError(f"""{key}: the length deforms or tilts the face {face}; a face that
+                carries anything may move as a whole alone, and one in contact along its plane as
+                well: leave its nodes in their places relative to each other, or run the scene once
+                for each value""")
         moves = np.abs(along).max() > tolerance
         if touches and moves:
             found.add(key)
         if key.startswith("ties.") and moves:
-            raise SceneError(
-                f"{key}: the length moves the face {face} sideways, over other facets; it may"
-                " move along its normal alone: run the scene once for each value"
-            )
+            raise SceneError(f"""{key}: the length moves the face {face} sideways, over other
+                facets; it may move along its normal alone: run the scene once for each value""")
     return frozenset(found)

@@ -5,8 +5,6 @@ t = p(g). The residual of the full system is (N + mu T)'W (t - p(g)): the line s
 stopping rule need no solve.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -163,11 +161,9 @@ class Newton:
             if s == 1.0 and history[-1] < max(tolerance, self._reachable(history, g)):
                 self._check_tilt(g)
                 return (g, t), history
-        raise NotConverged(
-            f"equilibrium: not converged after {len(history) - 1} iterations (residual"
-            f" {history[-1]:.2e}, {tolerance:.0e} needed); check supports and loads, then raise the"
-            " load steps"
-        )
+        raise NotConverged(f"""equilibrium: not converged after {len(history) - 1} iterations
+            (residual {history[-1]:.2e}, {tolerance:.0e} needed); check supports and loads, then
+            raise the load steps""")
 
     def _reachable(self, history: list[float], g: Array) -> float:
         """Residual that round-off of the gaps and pressures leaves, once steps gain nothing."""
@@ -190,10 +186,8 @@ class Newton:
         """
         opening, width = g - self.system.g0, float(np.sqrt(np.sum(self.system.w)))
         if (spread := float(np.ptp(opening))) > TILT * width:
-            raise NotConverged(
-                f"equilibrium: a part tips or comes loose, gaps of the contact differ by"
-                f" {spread:.2g} m; lower the friction, or change supports or loads"
-            )
+            raise NotConverged(f"""equilibrium: a part tips or comes loose, gaps of the contact
+                differ by {spread:.2g} m; lower the friction, or change supports or loads""")
 
     def _line_search(self, g: Array, t: Array, dg: Array, dt: Array) -> float:
         """Step at which the work of the residual along the direction has dropped enough."""

@@ -8,8 +8,6 @@ and the borders of the parts follow the chords.
 Common part of pairs of triangles in a plane, in batches (Sutherland-Hodgman clipping).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -18,8 +16,7 @@ from scipy.spatial import cKDTree
 from brake_fenicsx import compat
 from brake_fenicsx.arguments import Array, Index, Ints
 
-from .faces import Face
-from .projection import EDGE, project, search
+from .faces import EDGE, Face, project, search
 
 # A triangle cut by three half planes has six corners at most. Where corners coincide to rounding,
 # edges may seem to cross a line more than twice: three cuts then make 4, 6 and 9 corners at most.
@@ -173,7 +170,7 @@ class Overlap:
     n: Array
     gap: Array
 
-    def rows(self, chosen: Ints) -> Overlap:
+    def rows(self, chosen: Ints) -> "Overlap":
         """Some of the pairs."""
         return Overlap(*(getattr(self, f.name)[chosen] for f in fields(self)))
 

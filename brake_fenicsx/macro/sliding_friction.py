@@ -12,8 +12,6 @@ pressure, t = mu and r = 0 in the equilibrium. Their tangent is -w k (1, t, r) t
 across the sliding direction. Equilibrium, small vibrations and limit cycles take them from here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -97,10 +95,8 @@ def slip_frame(motion: Motion, points: Array, normal: Array) -> tuple[Array, Arr
     v = v - np.einsum("ij,ij->i", v, normal)[:, None] * normal
     speed = np.linalg.norm(v, axis=1)
     if np.any(speed <= 0):
-        raise SceneError(
-            "motion: the disc does not slide along its face at some contact point;"
-            " change motion.speed, axis or direction"
-        )
+        raise SceneError("""motion: the disc does not slide along its face at some contact point;
+            change motion.speed, axis or direction""")
     s = v / speed[:, None]
     return s, np.cross(normal, s), speed
 

@@ -3,8 +3,6 @@
 All bodies live in one mesh, as components that share no node; layers of one part share faces.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
@@ -178,21 +176,16 @@ def check_cells(mesh: RawMesh, table: MeshSettings) -> Quality:
     """
     bad = np.flatnonzero(orientation(mesh) != 1)
     if bad.size:
-        raise SceneError(
-            f"mesh: {bad.size} cells are flat or twisted, one at {_place(mesh, bad[0])}:"
-            " change the mesh sizes or repair the mesh"
-        )
+        raise SceneError(f"""mesh: {bad.size} cells are flat or twisted, one at
+            {_place(mesh, bad[0])}: change the mesh sizes or repair the mesh""")
     worst = quality(mesh)
     if worst.worst < table.quality:
-        raise SceneError(
-            f"mesh: the worst cell, at {_place(mesh, worst.cell)}, has quality {worst.worst:.3g},"
-            f" at least {table.quality} is needed: change the mesh sizes, or mesh.cells"
-        )
+        raise SceneError(f"""mesh: the worst cell, at {_place(mesh, worst.cell)}, has quality
+            {worst.worst:.3g}, at least {table.quality} is needed: change the mesh sizes, or
+            mesh.cells""")
     if not worst.distortion > 0:
-        raise SceneError(
-            "mesh: a curved cell is turned inside out by its middle nodes: take finer cells at"
-            " curved faces, or mesh.order = 1"
-        )
+        raise SceneError("""mesh: a curved cell is turned inside out by its middle nodes: take finer
+            cells at curved faces, or mesh.order = 1""")
     return worst
 
 
@@ -241,9 +234,8 @@ def known_names(parts: Mapping[str, Builder], table: MeshSettings) -> tuple[list
                 part = built_part(gmsh, name, builder, values, table)
                 _check_number(gmsh.model.occ, part)
             except Exception as error:
-                raise SceneError(
-                    f"parts.{name}: the geometry cannot be built: {error}; change its parameters"
-                ) from None
+                raise SceneError(f"""parts.{name}: the geometry cannot be built: {error}; change its
+                    parameters""") from None
             layers += [f"{name}.{layer}" for layer in part.layers]
             faces += [f"{name}.{face}" for face in part.faces]
     return layers, faces

@@ -1,7 +1,5 @@
 """What a mesh file holds, before its groups become parts and faces."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -205,10 +203,8 @@ def each_once(mesh: FileMesh, merge: bool) -> None:
     """
     corners = np.sort(mesh.cells[:, : CORNERS[mesh.shape]], axis=1)
     if (flat := np.flatnonzero((np.diff(corners, axis=1) == 0).any(axis=1))).size:
-        raise SceneError(
-            f"element {mesh.name_of(int(flat[0]))} has a corner twice ({flat.size} such elements);"
-            " mesh without collapsed cells"
-        )
+        raise SceneError(f"""element {mesh.name_of(int(flat[0]))} has a corner twice ({flat.size}
+            such elements); mesh without collapsed cells""")
     _, first, place = np.unique(corners, axis=0, return_index=True, return_inverse=True)
     if first.size == len(mesh.cells):
         return
@@ -218,10 +214,8 @@ def each_once(mesh: FileMesh, merge: bool) -> None:
         both = [int(first[place[copy]]), copy]
         one, two = map(mesh.name_of, both)
         copies = place.size - first.size
-        raise SceneError(
-            f"elements {one} and {two} have the same corners ({copies} such copies in all); remove"
-            " one of each pair"
-        )
+        raise SceneError(f"""elements {one} and {two} have the same corners ({copies} such copies in
+            all); remove one of each pair""")
     order = np.argsort(first)
     number = np.argsort(order)[place]
     mesh.cells = mesh.cells[first[order]]
@@ -287,10 +281,8 @@ def one_kind(kinds: Iterable[str], shells: Iterable[int] = ()) -> str:
         names = ("tetra10", "hexahedron20") if nodes & {6, 8} else ("tetra", "hexahedron")
         return names[nodes <= {4, 8}]
     if len(found) > 1 or found[0] not in SOLIDS:
-        raise SceneError(
-            f"the file has cells of kind {', '.join(found)}; write all of one kind:"
-            f" {', '.join(SOLIDS)}"
-        )
+        raise SceneError(f"""the file has cells of kind {", ".join(found)}; write all of one kind:
+            {", ".join(SOLIDS)}""")
     return found[0]
 
 

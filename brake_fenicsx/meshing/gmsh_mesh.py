@@ -1,7 +1,5 @@
 """One part to a plain mesh with gmsh, on one process."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from collections.abc import Iterator

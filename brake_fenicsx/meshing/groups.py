@@ -1,7 +1,5 @@
 """Groups of a mesh file to parts, layers and faces; bodies that share nodes are split."""
 
-from __future__ import annotations
-
 import difflib
 import logging
 from collections.abc import Iterable, Mapping
@@ -69,11 +67,9 @@ def mesh_of_file(
         sizes = [(len(mesh.points), len(mesh.cells)) for mesh in (other, found)]
         same = sizes[0] == sizes[1] and np.array_equal(other.cells, found.cells)
         if not same or [*other.numbers] != [*found.numbers]:
-            raise SceneError(
-                f"{displaced[1]} = {displaced[0]!r}: is another mesh ({sizes[0][0]} nodes and"
-                f" {sizes[0][1]} cells, in mesh.file {sizes[1][0]} and {sizes[1][1]}) or is"
-                " numbered otherwise; move nodes of mesh.file and export it again"
-            )
+            raise SceneError(f"""{displaced[1]} = {displaced[0]!r}: is another mesh ({sizes[0][0]}
+                nodes and {sizes[0][1]} cells, in mesh.file {sizes[1][0]} and {sizes[1][1]}) or is
+                numbered otherwise; move nodes of mesh.file and export it again""")
         found = replace(found, points=other.points)
     cells, points = found.cells, found.points * given.metres
     _check_extent(points[np.unique(cells)], given)
@@ -108,10 +104,8 @@ def _check_extent(used: Array, given: GroupedFile) -> None:
     """Refuse a mesh whose extent tells of a wrong unit; its nodes in use [m]."""
     extent, (low, high) = float(np.ptp(used, axis=0).max()), given.extent
     if not low <= extent <= high:
-        raise SceneError(
-            f"mesh.unit = {given.unit!r}: the mesh would be {extent:.3g} m long, not between"
-            f" {low:g} m and {high:g} m; correct the unit, or widen mesh.extent"
-        )
+        raise SceneError(f"""mesh.unit = {given.unit!r}: the mesh would be {extent:.3g} m long, not
+            between {low:g} m and {high:g} m; correct the unit, or widen mesh.extent""")
 
 
 def _kind(found: FileMesh, group: str, target: str | list[str]) -> tuple[str, str]:
@@ -146,25 +140,19 @@ def layers_of(
         if kind != "cells":
             continue
         if not isinstance(target, str):
-            raise SceneError(
-                f'mesh.groups."{group}" = {target!r}: a group of cells is in one part; write'
-                f' "{target[0]}"'
-            )
+            raise SceneError(f"""mesh.groups."{group}" = {target!r}: a group of cells is in one
+                part; write "{target[0]}" """)
         own = found.cell_groups[name]
         number = layers.setdefault(target, len(layers) + 1)
         taken = np.unique(tag[own][(tag[own] > 0) & (tag[own] != number)])
         if taken.size:
             other = next(layer for layer, t in layers.items() if t == taken[0])
-            raise SceneError(
-                f'mesh.groups."{group}" = {target!r}: some of its cells are in {other!r} already;'
-                " name groups that do not overlap"
-            )
+            raise SceneError(f"""mesh.groups."{group}" = {target!r}: some of its cells are in
+                {other!r} already; name groups that do not overlap""")
         tag[own] = number
     if not layers:
-        raise SceneError(
-            "mesh.groups: no group of cells is named; there are"
-            f" {', '.join(sorted(found.cell_groups)) or 'none in the file' + found.advice}"
-        )
+        raise SceneError(f"""mesh.groups: no group of cells is named; there are
+            {", ".join(sorted(found.cell_groups)) or "none in the file" + found.advice}""")
     left = int(np.count_nonzero(tag == 0))
     if left:
         logger.info("%d cells of the mesh file are in no named group and left out", left)
@@ -185,10 +173,8 @@ def _check_names(mesh: RawMesh, parts: Iterable[str]) -> None:
             raise SceneError(f"mesh.groups: there is no part {name!r} without builder; {hint}")
     for name in wanted:
         if name not in there:
-            raise SceneError(
-                f"parts.{name}: neither builder nor cells; give it a builder, or name its cells in"
-                f' mesh.groups as "{name}.LAYER"'
-            )
+            raise SceneError(f"""parts.{name}: neither builder nor cells; give it a builder, or name
+                its cells in mesh.groups as "{name}.LAYER" """)
 
 
 def _faces(
@@ -209,10 +195,8 @@ def _faces(
             raise SceneError(f"{where}: its facets are no faces of the cells")
         inside = found.inside(*kind, boundary)
         if kind[0] == "nodes" and not inside.any():
-            raise SceneError(
-                f"{where}: no facet of the boundary of {part!r} has all its corners in this set"
-                " of nodes"
-            )
+            raise SceneError(f"""{where}: no facet of the boundary of {part!r} has all its corners
+                in this set of nodes""")
         faces[face] = boundary[inside]
         boundaries.append(facet_keys(boundary))
     if kind[0] == "facets":
@@ -221,10 +205,8 @@ def _faces(
         empty = [face for face, own in faces.items() if not len(own)]
         if missing or not keys.size or empty:
             parts = ", ".join(repr(face.partition(".")[0]) for face in empty or faces)
-            raise SceneError(
-                f"{where}: {missing or keys.size} of {keys.size} facets do not lie on the boundary"
-                f" of {parts}"
-            )
+            raise SceneError(f"""{where}: {missing or keys.size} of {keys.size} facets do not lie on
+                the boundary of {parts}""")
     return faces
 
 
@@ -240,18 +222,16 @@ def _apart(mesh: RawMesh, faces: Faces, split: Mapping[str, str]) -> RawMesh:
     moved: dict[str, Ints] = {}
     for face, other in split.items():
         if face not in faces:
-            raise SceneError(
-                f'mesh.split."{face}": no such face; there are {", ".join(sorted(faces))}'
-            )
+            raise SceneError(f"""mesh.split."{face}": no such face; there are
+                {", ".join(sorted(faces))}""")
         part, partner = face.partition(".")[0], other.partition(".")[0]
         own = mesh.part(part)
         rest = np.unique(cells[mesh.part(partner)])
         on_face = _all_nodes(mesh, part, faces[face])
         double = np.intersect1d(on_face, rest)
         if double.size == 0:
-            raise SceneError(
-                f'mesh.split."{face}" = {other!r}: the bodies share no node there; leave it out'
-            )
+            raise SceneError(f"""mesh.split."{face}" = {other!r}: the bodies share no node there;
+                leave it out""")
         facets = faces[face]
         both = facets[np.isin(facet_keys(facets), facet_keys(exterior_facets(mesh, partner)))]
         faces[other] = _together(faces.get(other), both)
@@ -301,10 +281,9 @@ def _check_apart(mesh: RawMesh, cells: Ints) -> None:
         for b in names[i + 1 :]:
             shared = np.intersect1d(nodes[a], nodes[b]).size
             if shared:
-                raise SceneError(
-                    f"mesh.split: parts {a!r} and {b!r} share {shared} nodes; double them as"
-                    f' mesh.split = {{ "{a}.FACE" = "{b}.FACE" }}, or make them layers of one part'
-                )
+                raise SceneError(f"""mesh.split: parts {a!r} and {b!r} share {shared} nodes; double
+                    them as mesh.split = {{ "{a}.FACE" = "{b}.FACE" }}, or make them layers of one
+                    part""")
 
 
 def _check_once(facets: list[Ints], tags: list[Ints], names: Mapping[str, int]) -> None:
@@ -314,10 +293,8 @@ def _check_once(facets: list[Ints], tags: list[Ints], names: Mapping[str, int]) 
     twice = np.flatnonzero(np.diff(keys[order].astype(np.int64)) == 0)
     if twice.size:
         a, b = (next(n for n, t in names.items() if t == tag[order[twice[0] + k]]) for k in (0, 1))
-        raise SceneError(
-            f"mesh.groups: faces {a!r} and {b!r} have {twice.size} facets in common; a facet may"
-            " have one name"
-        )
+        raise SceneError(f"""mesh.groups: faces {a!r} and {b!r} have {twice.size} facets in common;
+            a facet may have one name""")
 
 
 def _turned_right(mesh: RawMesh) -> RawMesh:

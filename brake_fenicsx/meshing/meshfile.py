@@ -4,8 +4,6 @@ Meshio reads no .cdb, of an .inp neither surfaces nor two element blocks of one 
 neither coordinate systems nor included files.
 """
 
-from __future__ import annotations
-
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from itertools import chain
@@ -66,10 +64,8 @@ def read_gmsh(path: Path) -> FileMesh:
     with path.open("rb") as stream:
         begin = stream.read(len(MSH) + 1)
     if begin.rstrip() != MSH:
-        raise SceneError(
-            "does not begin with $MeshFormat and is no mesh of gmsh; save the mesh in gmsh's format"
-            " 2.2 or 4.1, or name the file by its own ending"
-        )
+        raise SceneError("""does not begin with $MeshFormat and is no mesh of gmsh; save the mesh in
+            gmsh's format 2.2 or 4.1, or name the file by its own ending""")
     with gmsh_session() as gmsh, TemporaryDirectory() as folder:
         link = Path(folder, "mesh.msh")
         link.symlink_to(path.resolve())
@@ -118,10 +114,8 @@ def read_other(path: Path) -> FileMesh:
         with redirect_stderr(said), redirect_stdout(said):
             read = meshio.read(path)
     except ImportError as error:
-        raise SceneError(
-            f"{path.suffix} needs {error.name}: pip install {error.name}, or convert the mesh to"
-            " .msh or .inp"
-        ) from None
+        raise SceneError(f"""{path.suffix} needs {error.name}: pip install {error.name}, or convert
+            the mesh to .msh or .inp""") from None
     except SystemExit:  # what meshio makes of every file that it cannot read (5.3.5)
         raise ValueError(" ".join(said.getvalue().split())) from None
     kind = one_kind(block.type for block in read.cells if block.dim == 3)

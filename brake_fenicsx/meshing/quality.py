@@ -1,7 +1,5 @@
 """Shape of cells: how flat, how skew, and whether they are turned inside out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 

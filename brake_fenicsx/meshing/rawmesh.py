@@ -5,8 +5,6 @@ a cell stand in gmsh's order: corners, middles of edges, and for 27-node hexahed
 and the centre. What a mesh file holds beside its mesh is named, so that nothing is lost.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import NamedTuple

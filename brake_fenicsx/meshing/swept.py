@@ -4,8 +4,6 @@ Quadrilaterals become hexahedra; triangles become prisms, each cut into three te
 diagonals that neighbours share.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -3,8 +3,6 @@
 Each name is imported on use: laws that a formula gives need no surface.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -20,10 +18,15 @@ if TYPE_CHECKING:
     )
     from .hardness import HardnessFit, fit_hardness
     from .law import ComputedLaw, Law, LawLibrary, Laws, LawSteps, make_library
-    from .law_of_surface import contact_law, law_steps
+    from .law_of_surface import (
+        LawSettings,
+        contact_law,
+        law_steps,
+        plane_strain_modulus,
+        transversely_isotropic_modulus,
+    )
     from .library import LawRecipe, force_above, law_library, load_laws, save_laws
     from .loading import ContactSolution, solve_contact
-    from .settings import LawSettings, plane_strain_modulus, transversely_isotropic_modulus
 
 __all__ = [
     "ComputedLaw", "ContactSolution", "ExponentialLaw", "HardnessFit", "Law", "LawLibrary",
@@ -33,7 +36,7 @@ __all__ = [
     "solve_contact", "transversely_isotropic_modulus",
 ]  # fmt: skip
 # In the order of what they import: a name is looked for in the lightest module that has it.
-_MODULES = ("combined", "law", "settings", "loading", "law_of_surface", "library", "hardness")
+_MODULES = ("combined", "law", "loading", "law_of_surface", "library", "hardness")
 
 
 def __getattr__(name: str) -> Any:

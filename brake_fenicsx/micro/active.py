@@ -10,8 +10,6 @@ doi:10.1016/j.ijsolstr.2015.06.005 (active sets for rough contact); J. J. Judice
 Comput. Oper. Res. 21 (1994) 587, doi:10.1016/0305-0548(94)90106-6 (block pivoting).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -254,9 +252,8 @@ class ElasticAnswer:
             try:
                 corner = cholesky(corner, lower=True, overwrite_a=True, check_finite=False)
             except LinAlgError:
-                raise NotConverged(
-                    "stiffness of the touching pixels: their influence is singular"
-                ) from None
+                raise NotConverged("""stiffness of the touching pixels: their influence is
+                    singular""") from None
             factor = np.zeros((n + m, n + m), order="F")
             factor[:n, :n], factor[n:, :n], factor[n:, n:] = self._factor, left.T, corner
             rest = 1.0 - left.T @ self._z

@@ -3,8 +3,6 @@
 One law for all elements, laws of another modulus, several libraries.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -115,7 +113,7 @@ class OneLaw:
         """See ``Laws``."""
         return smooth_vibration(self.law.vibration, same_shape(index, d)[1])
 
-    def up_to(self, index: Index, p: ArrayLike) -> OneLaw:
+    def up_to(self, index: Index, p: ArrayLike) -> "OneLaw":
         """See ``Laws``: a formula is known everywhere."""
         return self
 
@@ -153,7 +151,7 @@ class ScaledLaws:
         v, slope = self.laws.vibration(index, d)
         return self.factor * v, self.factor * slope
 
-    def up_to(self, index: Index, p: ArrayLike) -> ScaledLaws:
+    def up_to(self, index: Index, p: ArrayLike) -> "ScaledLaws":
         """See ``Laws``."""
         laws = self.laws.up_to(index, np.asarray(p) / self.factor)
         return self if laws is self.laws else replace(self, laws=laws)
@@ -192,7 +190,7 @@ class JoinedLaws:
         v, slope = self._each("vibration", index, d)
         return v, slope
 
-    def up_to(self, index: Index, p: ArrayLike) -> JoinedLaws:
+    def up_to(self, index: Index, p: ArrayLike) -> "JoinedLaws":
         """See ``Laws``."""
         owner = np.searchsorted(self.start, index, side="right") - 1
         parts = tuple(

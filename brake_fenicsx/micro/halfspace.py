@@ -15,8 +15,6 @@ K. L. Johnson, Contact Mechanics (1985), Eq. 3.25; H. M. Stanley, T. Kato, J. Tr
 481, doi:10.1115/1.2833523.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Literal, Protocol
 

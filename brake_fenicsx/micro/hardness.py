@@ -8,8 +8,6 @@ with the bulk.
 References: ISO 6310 and SAE J2468 (compressibility of brake linings).
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -140,14 +138,11 @@ def _checked(curve: Array | str | Path) -> tuple[Array, Array, Mask]:
     top = int(p.argmax()) if p.size else 0
     if np.count_nonzero(p[: top + 1] >= LOWEST * p[top : top + 1]) < 5:
         raise SceneError(f"{name}: fewer than 5 points of loading; give more")
-    for what, value, (least, most) in (
-        ("pressure", p[top], PRESSURES), ("closure", np.ptp(closure), CLOSURES),
-    ):  # fmt: skip
+    largest = ("pressure", p[top], PRESSURES), ("closure", np.ptp(closure), CLOSURES)
+    for what, value, (least, most) in largest:
         if not least <= value <= most:
-            raise SceneError(
-                f"{name}: a {what} up to {value:.3g}, where a test has {least:g} to {most:g} in"
-                " Pa and m (files: MPa and um); check the units"
-            )
+            raise SceneError(f"""{name}: a {what} up to {value:.3g}, where a test has {least:g} to
+                {most:g} in Pa and m (files: MPa and um); check the units""")
     loading = slice(0, top + 1)
     if np.corrcoef(p[loading], closure[loading])[0, 1] < 0.7 or p.min() < 0.0:
         raise SceneError(f"{name}: the closure does not rise with the pressure; check the columns")

@@ -6,8 +6,6 @@ vanish together at first touch; beyond the last step the law goes on as a straig
 stiffness of small vibrations, which the modes read, is interpolated by itself (``vibration.py``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
@@ -74,7 +72,7 @@ class Laws(Protocol):
     def vibration(self, index: Index, d: Array) -> tuple[Array, Array]:
         """Stiffnesses v of small vibrations [Pa/m] and their slopes dv/dd [Pa/m^2]."""
 
-    def up_to(self, index: Index, p: ArrayLike) -> Laws:
+    def up_to(self, index: Index, p: ArrayLike) -> "Laws":
         """Laws that are known at the pressures p [Pa] too, of the shape of ``index``.
 
         These laws themselves where they are: a caller that gets others solves again with them.
@@ -147,13 +145,13 @@ class LawLibrary:
         """Number of laws."""
         return int(self.count.size)
 
-    def __getitem__(self, i: int) -> ComputedLaw:
+    def __getitem__(self, i: int) -> "ComputedLaw":
         """Law number i."""
         if not -len(self) <= i < len(self):
             raise IndexError(f"law {i} of a library of {len(self)}")
         return ComputedLaw(self, i % len(self))
 
-    def __iter__(self) -> Iterator[ComputedLaw]:
+    def __iter__(self) -> "Iterator[ComputedLaw]":
         """The laws, one after the other."""
         return map(self.__getitem__, range(len(self)))
 
@@ -199,7 +197,7 @@ class LawLibrary:
         fall = np.where((place < 0) & (share > 0.0), -v[at] * foot, fall)
         return between * share, fall
 
-    def up_to(self, index: Index, p: ArrayLike) -> LawLibrary:
+    def up_to(self, index: Index, p: ArrayLike) -> "LawLibrary":
         """See ``Laws``: laws that end too low are made again, the others stay as they are."""
         if self.reach is None or self.longer is None:
             return self

@@ -7,8 +7,6 @@ With a hardness the pressure of a pixel goes no further: it yields, and what the
 of it is plastic penetration (perfect plasticity of each pixel; the loading only rises).
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from typing import Literal
@@ -124,10 +122,8 @@ def solve_contact(
     if separation is not None:
         number("separation", separation, "m")
     if boundary == "periodic" and separation is not None and separation <= 0.0:
-        raise SceneError(
-            f"separation = {separation} m: a periodic surface is flat at 0 and the pressure is "
-            "not defined; give 'load'"
-        )
+        raise SceneError(f"""separation = {separation} m: a periodic surface is flat at 0 and the
+            pressure is not defined; give 'load'""")
     pixel = lengths / np.array(h.shape)
     space = half_space_of(h, lengths, boundary)
     area = float(np.prod(pixel))
@@ -202,13 +198,11 @@ def _checked(heights: Array, size: Array | tuple[float, float]) -> tuple[Array, 
     """Heights over their mean and the patch lengths, or a named error."""
     h, lengths = real("heights", heights), np.array(size, dtype=object)
     if h.ndim != 2 or min(h.shape) < 2:
-        raise SurfaceError(
-            f"heights of shape {h.shape}; a patch has two dimensions, of two pixels or more"
-        )
+        raise SurfaceError(f"""heights of shape {h.shape}; a patch has two dimensions, of two pixels
+            or more""")
     if not np.isfinite(h).all():
-        raise SurfaceError(
-            f"heights: {np.count_nonzero(~np.isfinite(h))} points are missing; fill them first"
-        )
+        raise SurfaceError(f"""heights: {np.count_nonzero(~np.isfinite(h))} points are missing; fill
+            them first""")
     if lengths.shape != (2,):
         raise SceneError(f"size = {size} m; give two positive lengths")
     return h - h.mean(), np.array([number("size", length, "m", 0.0) for length in lengths])
@@ -262,10 +256,8 @@ def _cap(hardness: float | None, E_star: float, load: float | None, area: float)
         return float("inf")
     positive(hardness=hardness)
     if load is not None and load >= hardness * area:
-        raise SceneError(
-            f"load = {load} N: the mean pressure {load / area:.4g} Pa is not below the hardness "
-            f"{hardness:.4g} Pa; give less than {hardness * area:.4g} N"
-        )
+        raise SceneError(f"""load = {load} N: the mean pressure {load / area:.4g} Pa is not below
+            the hardness {hardness:.4g} Pa; give less than {hardness * area:.4g} N""")
     return hardness / E_star
 
 

@@ -13,8 +13,6 @@ A. Almqvist, F. Sahlin, R. Larsson, S. Glavatskih, Tribology International 40 (2
 doi:10.1016/j.triboint.2005.11.008.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -229,10 +227,9 @@ def projected_cg(
             g -= h
         else:
             add_to(g, -step, moved)
-    raise NotConverged(
-        f"contact on {h.shape[0]} x {h.shape[1]} pixels: certificate {certificate.gap:.2g} after "
-        f"{max_iterations} iterations, wanted {tolerance:.2g}; loosen 'tolerance'"
-    )
+    raise NotConverged(f"""contact on {h.shape[0]} x {h.shape[1]} pixels: certificate
+        {certificate.gap:.2g} after {max_iterations} iterations, wanted {tolerance:.2g}; loosen
+        'tolerance'""")
 
 
 class _Watch:

@@ -6,8 +6,6 @@ many pixels it is smooth: wide steps with conjugate gradients. These also help o
 set does not settle or a plateau touches at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -96,10 +94,8 @@ def sweep(
         raise SceneError(f"tolerance = {tolerance}; give a positive number, such as 1e-6")
     cap = np.inf if hardness is None else hardness
     if not cap > 0.0 or highest >= cap * h.size:
-        raise SceneError(
-            f"hardness = {cap:.4g} E* under a mean pressure of {highest / h.size:.4g} E*: the "
-            "hardness must be higher; lower the highest pressure of the law"
-        )
+        raise SceneError(f"""hardness = {cap:.4g} E* under a mean pressure of {highest / h.size:.4g}
+            E*: the hardness must be higher; lower the highest pressure of the law""")
     limit = h.size if stop is None else stop
     few = dense(h.size) if stop is None else min(stop, 2 * dense(h.size))
     end = min(enough, highest * (1.0 - 1e-9))

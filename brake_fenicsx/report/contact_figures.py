@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.results.run import Arrays, RunData, sort_approaches
 from brake_fenicsx.results.tables import Columns, rows_of
 
@@ -141,7 +141,7 @@ def _draw_map(axes: style.Axes, maps: Arrays, j: int, limits: tuple[float, float
     return image
 
 
-def _circle(axes: style.Axes, touching: NDArray, size: NDArray) -> None:
+def _circle(axes: style.Axes, touching: AnyArray, size: AnyArray) -> None:
     """Ring each group of touching points, which alone would be lost in print."""
     from scipy.ndimage import binary_dilation, center_of_mass, label
 
@@ -152,7 +152,7 @@ def _circle(axes: style.Axes, touching: NDArray, size: NDArray) -> None:
         axes.scatter(x, y, s=90, facecolors="none", edgecolors=style.BLUE, linewidths=0.8)
 
 
-def _limits(positive: NDArray) -> tuple[float, float]:
+def _limits(positive: AnyArray) -> tuple[float, float]:
     """Colour limits [MPa] from the pressures of the touching points, without the tails."""
     if positive.size == 0:
         return 0.1, 1.0
@@ -161,7 +161,7 @@ def _limits(positive: NDArray) -> tuple[float, float]:
 
 
 def _draw_bundle(
-    axes: style.Axes, x: NDArray, y: NDArray, faint: float = 1.0, **looks: Any
+    axes: style.Axes, x: AnyArray, y: AnyArray, faint: float = 1.0, **looks: Any
 ) -> None:
     """All laws as thin lines."""
     from matplotlib.collections import LineCollection
@@ -191,7 +191,7 @@ def _draw_stiffness(axes: style.Axes, laws: Arrays) -> None:
     axes.set(xlabel="mean pressure $p$ [MPa]", ylabel="stiffness $-p'(d)$ [N/mm$^3$]")
 
 
-def _at_common_pressures(values: NDArray, p: NDArray) -> tuple[NDArray, NDArray]:
+def _at_common_pressures(values: AnyArray, p: AnyArray) -> tuple[AnyArray, AnyArray]:
     """A quantity of each law at pressures that all laws reach, and these pressures."""
     known = [np.isfinite(row) for row in p]
     low = max(row[k].min() for row, k in zip(p, known, strict=True))
@@ -255,7 +255,7 @@ class PadMap:
 
     place: str
     contact: Columns
-    values: NDArray
+    values: AnyArray
     limits: tuple[float, float]
     bar: str
     extend: str = "both"
@@ -304,14 +304,14 @@ def sliding_rows(run: RunData, contact: Columns) -> Columns:
     return rows_of(contact, slides[contact["element"]])
 
 
-def _pad_sides(z: NDArray) -> list[tuple[str, NDArray]]:
+def _pad_sides(z: AnyArray) -> list[tuple[str, AnyArray]]:
     """Which contact elements lie on which pad, by their z [m]; each with a name."""
     if np.any(z > 0) and np.any(z < 0):
         return [("pad at z > 0", z > 0), ("pad at z < 0", z < 0)]
     return [("contact face", np.full(z.shape, True))]
 
 
-def _patches(contact: Columns, faces: Arrays | None, values: NDArray) -> tuple[NDArray, NDArray]:
+def _patches(contact: Columns, faces: Arrays | None, values: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Corners of the facets of some contact elements, and means of values over each.
 
     Args:
@@ -333,7 +333,7 @@ def _patches(contact: Columns, faces: Arrays | None, values: NDArray) -> tuple[N
     return centre[:, None, :] + _squares(centre, contact["area"]), values
 
 
-def _squares(centre: NDArray, area: NDArray) -> NDArray:
+def _squares(centre: AnyArray, area: AnyArray) -> AnyArray:
     """Corners [m] about the centre, shape (n, 4, 2); on a ring the sides follow the radius."""
     radius = np.linalg.norm(centre, axis=1)
     ring = radius.min() > 0.3 * radius.max()

@@ -6,27 +6,25 @@ imaginary part, or as a series over one period. Files with steps need ParaView 5
 Reference: VTK File Formats, "VTKHDF File Format", https://docs.vtk.org/en/latest/vtk_file_formats.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.folder.files import whole_file
 
 VERTEX, TRIANGLE, QUADRILATERAL = 1, 5, 9  # types of VTK cells
 
-Fields = Mapping[str, NDArray]
+Fields = Mapping[str, AnyArray]
 
 
 def write_grid(
     path: str | Path,
-    points: NDArray,
-    cells: NDArray,
+    points: AnyArray,
+    cells: AnyArray,
     kind: int,
     at_points: Fields | None = None,
     at_cells: Fields | None = None,
@@ -90,14 +88,14 @@ def write_fields(path: str | Path, V: Any, fields: Fields) -> Path:
     Returns:
         The path.
     """
-    parts: dict[str, NDArray] = {}
+    parts: dict[str, AnyArray] = {}
     for name, values in fields.items():
         u = _vectors(V, name, values)
         parts |= {f"{name}_re": u.real, f"{name}_im": u.imag} if np.iscomplexobj(u) else {name: u}
     return write_grid(path, *_lagrange_cells(V), parts)
 
 
-def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> Path:
+def write_phases(path: str | Path, V: Any, mode: AnyArray, frames: int = 24) -> Path:
     """Write one period of a complex mode as a time series: Re(mode exp(i theta)) over theta.
 
     Growth or decay is left out: the phase alone runs. The mode is scaled so that its largest
@@ -117,7 +115,7 @@ def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> P
     return write_grid(path, *_lagrange_cells(V), {"displacement": u}, times=[*theta])
 
 
-def write_points(path: str | Path, points: NDArray, fields: Fields) -> Path:
+def write_points(path: str | Path, points: AnyArray, fields: Fields) -> Path:
     """Write contact elements as points with their pressure, gap, ...
 
     Args:
@@ -131,7 +129,7 @@ def write_points(path: str | Path, points: NDArray, fields: Fields) -> Path:
     return write_grid(path, points, np.arange(len(points))[:, None], VERTEX, fields)
 
 
-def write_facets(path: str | Path, corners: NDArray, fields: Fields) -> Path:
+def write_facets(path: str | Path, corners: AnyArray, fields: Fields) -> Path:
     """Write the facets of a face with one value each.
 
     Args:
@@ -147,7 +145,7 @@ def write_facets(path: str | Path, corners: NDArray, fields: Fields) -> Path:
     return write_grid(path, corners.reshape(-1, 3), cells, kind, at_cells=fields)
 
 
-def facet_means(facet: NDArray, w: NDArray, values: NDArray, facets: int) -> NDArray:
+def facet_means(facet: AnyArray, w: AnyArray, values: AnyArray, facets: int) -> AnyArray:
     """Means over the elements of each facet, weighted with their areas.
 
     Args:
@@ -167,7 +165,7 @@ def facet_means(facet: NDArray, w: NDArray, values: NDArray, facets: int) -> NDA
     return mean
 
 
-def _lagrange_cells(V: Any) -> tuple[NDArray, NDArray, int]:
+def _lagrange_cells(V: Any) -> tuple[AnyArray, AnyArray, int]:
     """Positions of the dofs of a space [m], its cells over them, and their type."""
     from brake_fenicsx.compat import vtk_cells  # figures, which need no DOLFINx, import this module
 
@@ -175,7 +173,7 @@ def _lagrange_cells(V: Any) -> tuple[NDArray, NDArray, int]:
     return points, cells, int(types[0])
 
 
-def _vectors(V: Any, name: str, values: NDArray) -> NDArray:
+def _vectors(V: Any, name: str, values: AnyArray) -> AnyArray:
     """A field, shape (points, 3); a complex one, a mode, with a largest displacement of 1.
 
     Raises:

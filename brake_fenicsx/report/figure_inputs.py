@@ -1,7 +1,5 @@
 """Arrays behind the surface and contact figures, from the stages' own results."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import fields
 from pathlib import Path
@@ -54,11 +52,9 @@ def surface_arrays(
     if recipe is not None:
         made = recipe.surface(seed, 0)
         psd = radial_psd(made)
-        out |= {
-            "artificial": made.heights, "artificial_size": made.size,
-            "artificial_q": psd.q, "artificial_C": psd.C, "artificial_hdf_z": z,
-            "artificial_hdf_density": kernel_density(made.heights.ravel(), z),
-        }  # fmt: skip
+        out |= {"artificial": made.heights, "artificial_size": made.size}
+        out |= {"artificial_q": psd.q, "artificial_C": psd.C, "artificial_hdf_z": z}
+        out["artificial_hdf_density"] = kernel_density(made.heights.ravel(), z)
     return out
 
 
@@ -116,10 +112,8 @@ def contact_maps(directory: Path) -> None:
     how, names = load_laws(store.path("laws.npz")).settings, [f.name for f in fields(LawSettings)]
     heights, size = (surface.get(n, np.empty(0)) for n in ("artificial", "artificial_size"))
     if {*names} - {*how} or [*heights.shape] != [*how["shape"]]:
-        raise SceneError(
-            f"{store.path('laws.npz')}: made by an older version; run the scene again in a new"
-            " folder"
-        )
+        raise SceneError(f"""{store.path("laws.npz")}: made by an older version; run the scene again
+            in a new folder""")
     settings = LawSettings(**{name: how[name] for name in names})
     loads = np.array(MAP_LOADS) * min(1.0, settings.highest / settings.E_star / MAP_LOADS[-1])
     solved = [
@@ -129,10 +123,8 @@ def contact_maps(directory: Path) -> None:
         )
         for p in loads
     ]  # fmt: skip
-    store.save(
-        "contact_maps.npz",
-        heights=heights, size=size, p_over_E=loads,
-        pressures=np.array([s.pressure for s in solved], dtype=np.float32),
-        area_fraction=np.array([s.area_fraction for s in solved]),
-        separation=np.array([s.separation for s in solved]),
-    )  # fmt: skip
+    maps: dict[str, Any] = {"heights": heights, "size": size, "p_over_E": loads}
+    maps["pressures"] = np.array([s.pressure for s in solved], dtype=np.float32)
+    maps["area_fraction"] = np.array([s.area_fraction for s in solved])
+    maps["separation"] = np.array([s.separation for s in solved])
+    store.save("contact_maps.npz", **maps)

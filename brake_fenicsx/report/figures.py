@@ -159,7 +159,5 @@ def figures(run: RunData, *names: str, look: str = "plot") -> list[Block]:
         look: see `Picture`.
     """
     paths = {name: run.directory / "figures" / f"{name}.png" for name in names}
-    return [
-        Picture(path, NAMED[name].caption_of(run), look)
-        for name, path in paths.items() if path.is_file()
-    ]  # fmt: skip
+    there = {name: path for name, path in paths.items() if path.is_file()}
+    return [Picture(path, NAMED[n].caption_of(run), look) for n, path in there.items()]

@@ -4,8 +4,6 @@ The first screen is in ``verdict``; the sections for who decides on the brake st
 single parameters and the appendix for specialists in ``sections``.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from brake_fenicsx.extensions import load, shown
@@ -150,11 +148,7 @@ def _families(run: RunData, pictures: ModePictures) -> list[Block]:
     ]  # fmt: skip
     if not rows:
         return []
-    heads = [
-        "approach", "family", "frequency [kHz]", f"squeal samples ({run.criterion})",
-        "median damping [-]", "lowest damping [-]",
-        "moving parts (kinetic energy)", "nodal diameters",
-    ]  # fmt: skip
+    heads = Table.headings("families", criterion=run.criterion)
     left = sum(map(len, run.families.values())) - len(rows)
     rest = "family" if left == 1 else "families"
     more = f" {left} less severe {rest}: tables/families.csv." if left else ""
@@ -179,10 +173,7 @@ def _shapes(run: RunData, pictures: ModePictures, cards: list[Card]) -> list[Blo
     if cards:
         left = len(cards) - CARDS
         more = f" {left} more: appendix." if left > 0 else ""
-        blocks = [
-            note("shapes", more=more),
-            Special("shapes", cards[:CARDS]),
-        ]
+        blocks = [note("shapes", more=more), Special("shapes", cards[:CARDS])]
     calm = [run.label(name) for name, found in run.families.items() if not found]
     if calm and pictures.paths:
         blocks.append(Text(f"No mode of any sample squeals: {', '.join(calm)}."))

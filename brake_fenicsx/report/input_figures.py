@@ -70,11 +70,9 @@ def _draw_indices(axis: style.Axes, table: pd.DataFrame, most: int) -> None:
             looks = {"fmt": "none", "ecolor": style.BLACK, "elinewidth": 1, "capsize": 2}
             axis.errorbar(at[known.index], known[kind], reach, **looks)
     axis.axhline(0.0, color=style.BLACK, lw=0.7)
-    marks = [
-        f"{row.where} Hz" if row.scope == "band" else
-        f"{row.frequency_hz / 1e3:.3f} kHz\n(family {row.where})"
-        for row in shown.drop_duplicates("group").itertuples()
-    ]  # fmt: skip
+    rows = shown.drop_duplicates("group")
+    families = (rows.frequency_hz / 1e3).map("{:.3f} kHz\n(family ".format) + rows["where"] + ")"
+    marks = families.where(rows.scope != "band", rows["where"] + " Hz").tolist()
     axis.set_xticks(range(len(marks)), marks)
     style.finish(axis, "y", ylabel="share of the variance\nof the growth rate [-]")
 

@@ -1,7 +1,5 @@
 """Pictures of mode shapes on the page, each with the numbers of its family."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -139,11 +137,8 @@ def family_card(run: RunData, family: Family, pictures: ModePictures, rank: int 
 
 def other_cards(pictures: ModePictures, shown: set[str]) -> list[Card]:
     """Cards of the pictures that belong to no card so far."""
-    left = [key for key in pictures.paths if key not in shown]
-    return [
-        Card(heading_of(p), [], key, p, pictures.moving(key))
-        for key in left if (p := pictures.paths[key])
-    ]  # fmt: skip
+    left = {key: path for key, path in pictures.paths.items() if path and key not in shown}
+    return [Card(heading_of(p), [], key, p, pictures.moving(key)) for key, p in left.items()]
 
 
 def _parts(run: RunData, family: Family) -> list[str]:

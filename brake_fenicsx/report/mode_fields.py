@@ -3,8 +3,6 @@
 The nodal diameters of a rotor are the strongest harmonic of its motion at the rim.
 """
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,9 +10,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from brake_fenicsx.arguments import AnyArray, Complex, Index
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.folder.log import spared
 from brake_fenicsx.folder.processes import meanwhile, on_first
@@ -28,8 +26,8 @@ from brake_fenicsx.samples.forces import contact_of
 from brake_fenicsx.samples.solve import displacements
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.approaches import slides
 from brake_fenicsx.scene.digest import in_effect
+from brake_fenicsx.scene.scene import slides
 
 from .fields import facet_means, write_facets, write_fields, write_phases, write_points
 from .mode_cards import SHAPES, ModeShape
@@ -58,7 +56,7 @@ class NodalPattern:
     share: float
 
 
-def nodal_pattern(points: NDArray, u: NDArray, most: int = 12) -> NodalPattern | None:
+def nodal_pattern(points: AnyArray, u: AnyArray, most: int = 12) -> NodalPattern | None:
     """Strongest harmonic of the motion of a rotor's rim, by least squares over its nodes.
 
     Args:
@@ -166,7 +164,7 @@ def write_shapes(study: Study, rows: Sequence[ModeShape]) -> None:
     save_tables(study.store, SHAPES, {"shapes": table.columns})
 
 
-def contact_faces(study: Study) -> dict[str, NDArray]:
+def contact_faces(study: Study) -> dict[str, AnyArray]:
     """Facets of the interfaces' first faces, and the facet of every contact element; collective.
 
     An element of "patch" or "quadrature" belongs to the facet whose centre is nearest; one of
@@ -195,7 +193,7 @@ def contact_faces(study: Study) -> dict[str, NDArray]:
 
 
 def _write_equilibria(
-    study: Study, first: Mapping[Task, Mapping[str, Any]], faces: dict[str, NDArray]
+    study: Study, first: Mapping[Task, Mapping[str, Any]], faces: dict[str, AnyArray]
 ) -> None:
     """Displacements; pressure, gap, stiffness and state of every contact element."""
     folder, free = study.store.path("fields"), study.brake.elastic.free
@@ -233,7 +231,7 @@ def _shape_works(
     study: Study,
     run: RunData,
     chosen: list[ModeKey],
-    shapes: list[NDArray[np.complex128]],
+    shapes: list[Complex],
     pictures: bool,
 ) -> list[Callable[[], tuple[ModeShape | None, list[str]]]]:
     """Works for some modes of an approach: their fields, and for each a period and its pictures.
@@ -253,7 +251,7 @@ def _shape_works(
         fields = {f"mode_{mode.name}": free.expand(shape) for mode, shape in pairs}
         write_fields(store.path("fields", f"modes_{name}.vtkhdf"), V, fields)
 
-    def draw(mode: ModeKey, of_free: NDArray[np.complex128]) -> ModeShape:
+    def draw(mode: ModeKey, of_free: Complex) -> ModeShape:
         hertz, share, shape = mode.name, mode.family.share, free.expand(of_free)
         write_phases(store.path("fields", f"phase_{name}_{hertz}.vtkhdf"), V, shape)
         often = f"; family squeals in {share.hits} of {share.n} samples" if share.n > 1 else ""
@@ -278,7 +276,7 @@ def _shape_works(
     return works
 
 
-def tied_bodies(scene: Scene, brake: Brake) -> NDArray[np.intp]:
+def tied_bodies(scene: Scene, brake: Brake) -> Index:
     """Number of the body of each node, as pictures place them: ties join bodies to one.
 
     A face may lie on several copies of a part; each copy is glued to what is nearest. A body by
@@ -295,7 +293,7 @@ def tied_bodies(scene: Scene, brake: Brake) -> NDArray[np.intp]:
     return body_of_points(np.concatenate(found), int(body.max(initial=-1)) + 1)[body]
 
 
-def _rotors(study: Study) -> dict[str, NDArray[np.intp]]:
+def _rotors(study: Study) -> dict[str, Index]:
     """Nodes of each part that turns about z, by its name."""
     scene, mesh, V = study.scene, study.brake.mesh, study.brake.elastic.free.V
     if scene.motion is None or scene.motion.axis != "z" or scene.motion.point:
@@ -309,7 +307,7 @@ def _rotors(study: Study) -> dict[str, NDArray[np.intp]]:
 
 
 def _nodal_cells(
-    rotors: Mapping[str, NDArray], V: Any, shape: NDArray
+    rotors: Mapping[str, AnyArray], V: Any, shape: AnyArray
 ) -> tuple[str | None, int | None, str | None, float | None]:
     """The rotor that is a closed ring, and the strongest harmonic of its rim."""
     points, u = V.tabulate_dof_coordinates(), shape.reshape(-1, V.dofmap.index_map_bs)

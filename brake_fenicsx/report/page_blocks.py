@@ -1,7 +1,5 @@
 """What a page is made of, and how it becomes HTML: self-contained, every text escaped."""
 
-from __future__ import annotations
-
 import base64
 import io
 import tomllib
@@ -38,8 +36,13 @@ class Table:
     rows: Sequence[Sequence[Value]]
     kind: ClassVar[str] = "table"
 
+    @staticmethod
+    def headings(name: str, **values: str) -> list[str]:
+        """Headings of texts.toml; arguments as those of ``note``."""
+        return texts("headings")[name].format(**values).split(" | ")
+
     @classmethod
-    def without_empty(cls, heads: Sequence[str], rows: Sequence[Sequence[Value]]) -> Table:
+    def without_empty(cls, heads: Sequence[str], rows: Sequence[Sequence[Value]]) -> "Table":
         """A table without the columns that no row has a value for."""
         full = [j for j in range(len(heads)) if any(row[j] not in ("-", "", None) for row in rows)]
         return cls([heads[j] for j in full], [[row[j] for j in full] for row in rows])
@@ -87,7 +90,7 @@ def texts(kind: str) -> dict[str, str]:
     """Texts of templates/texts.toml by name.
 
     Args:
-        kind: "captions" of figures or "notes" of sections.
+        kind: "captions" of figures, "notes" of sections, "headings" of tables or "statistics".
     """
     path = Path(__file__).with_name("templates") / "texts.toml"
     found = tomllib.loads(path.read_text("utf-8"))[kind]

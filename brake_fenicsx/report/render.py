@@ -4,8 +4,6 @@ Bodies that lie on each other hide their contact faces; drawn in a row, lowest f
 them. What ties glue together stays together (``bodies``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from math import ceil
@@ -13,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.compat import vtk_cells
 from brake_fenicsx.folder.processes import release_memory
 from brake_fenicsx.meshing.rawmesh import body_of_points
@@ -32,15 +30,14 @@ WIDE = 1.4  # views of a larger ratio of width and height stand below each other
 SCALE = 0.08  # largest displacement as drawn, as a share of the model's radius
 DISTANCE = 0.12  # between neighbouring bodies, likewise
 LIGHT: dict[str, Any] = {"ambient": 0.45, "diffuse": 0.65, "specular": 0.0}
-SHAPE = {  # how a mode shape is coloured
-    "scalars": "amplitude", "cmap": SHAPE_COLOURS, "clim": (0.0, 1.0), "show_scalar_bar": False,
-    **LIGHT,
-}  # fmt: skip
+# How a mode shape is coloured.
+SHAPE = LIGHT | {"scalars": "amplitude", "cmap": SHAPE_COLOURS, "clim": (0.0, 1.0)}
+SHAPE["show_scalar_bar"] = False
 
 
 def compose(
     path: Path,
-    images: list[NDArray],
+    images: list[AnyArray],
     title: str,
     note: str,
     legend: Mapping[str, str] | None = None,
@@ -89,7 +86,7 @@ def pyvista() -> Any:
 
 
 def render_mode(
-    path: str | Path, V: Any, values: NDArray, title: str = "", bodies: NDArray | None = None
+    path: str | Path, V: Any, values: AnyArray, title: str = "", bodies: AnyArray | None = None
 ) -> Path:
     """Draw a mode shape: warped, coloured by the displacement's amplitude, bodies in a row.
 
@@ -116,10 +113,10 @@ def render_mode(
 def render_mesh(
     path: str | Path,
     V: Any,
-    parts: NDArray | None = None,
+    parts: AnyArray | None = None,
     names: Mapping[int, str] | None = None,
     title: str = "",
-    bodies: NDArray | None = None,
+    bodies: AnyArray | None = None,
 ) -> Path:
     """Draw the mesh with its edges, one colour per part, bodies in a row.
 
@@ -145,8 +142,8 @@ def render_mesh(
 
 
 def mode_surface(
-    V: Any, values: NDArray, bodies: NDArray | None = None
-) -> tuple[Any, Callable[[Any], NDArray]]:
+    V: Any, values: AnyArray, bodies: AnyArray | None = None
+) -> tuple[Any, Callable[[Any], AnyArray]]:
     """Surface of all bodies at rest with the amplitude of a mode, and how it moves.
 
     Args:
@@ -170,19 +167,19 @@ def mode_surface(
     surface.point_data["amplitude"] = amplitude / top
     factor = SCALE * _radius(surface) / top
 
-    def moved(mesh: Any) -> NDArray:
+    def moved(mesh: Any) -> AnyArray:
         re, im = (np.asarray(mesh.point_data[name]) for name in ("re", "im"))
         return factor * (re + 1j * im)
 
     return surface, moved
 
 
-def _phase(values: NDArray) -> complex:
+def _phase(values: AnyArray) -> complex:
     """Unit factor that turns a complex mode to the phase of its largest real part."""
     return complex(np.exp(-0.5j * np.angle(np.sum(values.astype(complex) ** 2))))
 
 
-def _grid(V: Any, parts: NDArray | None = None, bodies: NDArray | None = None) -> Any:
+def _grid(V: Any, parts: AnyArray | None = None, bodies: AnyArray | None = None) -> Any:
     """Pyvista grid of the nodes of V, with the number of each point's body and each cell's part."""
     cells, types, points = vtk_cells(V)
     grid = pyvista().UnstructuredGrid({int(types[0]): cells}, points)
@@ -193,7 +190,7 @@ def _grid(V: Any, parts: NDArray | None = None, bodies: NDArray | None = None) -
     return grid
 
 
-def _levels(surface: Any) -> NDArray:
+def _levels(surface: Any) -> AnyArray:
     """Number of the level of every point: bodies at about one height are one level, from below."""
     region = np.asarray(surface.point_data["body"])
     z = np.asarray(surface.points)[:, 2]
@@ -206,7 +203,7 @@ def _levels(surface: Any) -> NDArray:
     return level[np.searchsorted(bodies, region)]
 
 
-def in_a_row(surface: Any, view: NDArray, side: float) -> Any:
+def in_a_row(surface: Any, view: AnyArray, side: float) -> Any:
     """A copy whose levels stand beside each other as seen along ``view``, the lowest to the left.
 
     Args:
@@ -233,13 +230,13 @@ def _radius(surface: Any) -> float:
     return 0.5 * float(np.linalg.norm(box))
 
 
-def _photographs(surface: Any, scalars: str) -> list[NDArray]:
+def _photographs(surface: Any, scalars: str) -> list[AnyArray]:
     """Both views of a surface, RGB arrays."""
     with pyvista().vtk_verbosity("off"):  # without a display VTK warns, then draws all the same
         return [_photograph(surface, side, scalars) for _, side in VIEWS]
 
 
-def _photograph(surface: Any, side: float, scalars: str) -> NDArray:
+def _photograph(surface: Any, side: float, scalars: str) -> AnyArray:
     """Picture of a surface from obliquely above (side = 1) or below (side = -1), RGB array."""
     view = view_of(surface, side)
     surface = in_a_row(surface, view, side)
@@ -260,7 +257,7 @@ def _photograph(surface: Any, side: float, scalars: str) -> NDArray:
     return image
 
 
-def _screenshot(plotter: Any) -> NDArray:
+def _screenshot(plotter: Any) -> AnyArray:
     """What a plotter shows, RGB array."""
     pillow = import_module("PIL.Image")  # comes with matplotlib
     return np.asarray(pillow.fromarray(plotter.screenshot(return_img=True)).reduce(FINE))
@@ -275,7 +272,7 @@ def add_edges(plotter: Any, surface: Any) -> Any:
 
 
 def open_plotter(
-    surface: Any, view: NDArray, side: float, motion: NDArray | None = None, width: int = 0
+    surface: Any, view: AnyArray, side: float, motion: AnyArray | None = None, width: int = 0
 ) -> Any:
     """A plotter without a window that looks at a surface in parallel projection.
 
@@ -311,7 +308,7 @@ def open_plotter(
     return plotter
 
 
-def view_of(surface: Any, side: float) -> NDArray:
+def view_of(surface: Any, side: float) -> AnyArray:
     """Direction to the eye: on the side away from the pads, so that their arcs open towards it."""
     points = np.asarray(surface.points)
     centre = points.mean(axis=0)
@@ -322,11 +319,11 @@ def view_of(surface: Any, side: float) -> NDArray:
     return np.array([np.cos(angle), np.sin(angle), 1.1 * side])
 
 
-def _part_colour(part: int, found: NDArray) -> str:
+def _part_colour(part: int, found: AnyArray) -> str:
     return CYCLE[int(np.searchsorted(found, part)) % len(CYCLE)]
 
 
-def _note(values: NDArray) -> str:
+def _note(values: AnyArray) -> str:
     moment = ", at the phase of largest motion" if np.iscomplexobj(values) else ""
     return f"largest displacement drawn as {100 * SCALE:.0f} % of the radius{moment}"
 
@@ -337,10 +334,10 @@ MILLISECONDS = 90  # a frame is shown
 def animate_mode(
     path: str | Path,
     V: Any,
-    values: NDArray,
+    values: AnyArray,
     frames: int = 10,
     width: int = 640,
-    bodies: NDArray | None = None,
+    bodies: AnyArray | None = None,
 ) -> Path:
     """Draw one period of a mode, seen from z > 0, bodies in a row, as an animated WebP.
 
@@ -368,8 +365,8 @@ def animate_mode(
 
 
 def _frames(
-    V: Any, values: NDArray, frames: int, width: int, bodies: NDArray | None
-) -> list[NDArray]:
+    V: Any, values: AnyArray, frames: int, width: int, bodies: AnyArray | None
+) -> list[AnyArray]:
     """RGB pictures of one period, all from one plotter."""
     surface, moved = mode_surface(V, values, bodies)
     surface = surface.compute_normals(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.results.ensemble_statistics import wilson
 from brake_fenicsx.results.run import RunData
 
@@ -153,7 +153,7 @@ def draw_errors(run: RunData) -> style.Figure | None:
     return figure
 
 
-def _draw_bands(axes: style.Axes, f: NDArray, error: NDArray, approach: str) -> None:
+def _draw_bands(axes: style.Axes, f: AnyArray, error: AnyArray, approach: str) -> None:
     """Largest and median error in equal bands of frequency."""
     colour, marker = style.look(approach)
     width = f.max() * (1 + 1e-12) / BANDS
@@ -164,7 +164,7 @@ def _draw_bands(axes: style.Axes, f: NDArray, error: NDArray, approach: str) -> 
     axes.plot(middle, bands["median"], marker, color=colour, ms=3.5)
 
 
-def _draw_excess(axes: style.Axes, error: NDArray, approach: str, name: str) -> None:
+def _draw_excess(axes: style.Axes, error: AnyArray, approach: str, name: str) -> None:
     """Share of modes with a larger error, at up to so many of the values."""
     error = np.sort(error)
     chosen = np.unique(np.linspace(0, error.size - 1, POINTS).astype(int))

@@ -1,7 +1,5 @@
 """Sections of the page on parameters, inputs and forces, and the appendix for specialists."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -44,11 +42,7 @@ def sweep_blocks(run: RunData) -> list[Block]:
          int(row.squeal_samples), *(f"{v:.4g}" if np.isfinite(v) else "-" for v in cells)]
         for row, text, cells in zip(critical.itertuples(), texts, shown, strict=True)
     ]  # fmt: skip
-    heads = [
-        "family", "frequency [kHz]", "samples", "squeal samples", "5 % squeal by", "50 % squeal by",
-        "lower end of its 95 % interval", "upper end", "95 % squeal by",
-    ]  # fmt: skip
-    return [*drawn, note("sweep", parameter=parameter), Table(heads, rows)]
+    return [*drawn, note("sweep", parameter=parameter), Table(Table.headings("sweep"), rows)]
 
 
 def _causes(run: RunData, most: int) -> Iterator[tuple[str, str, dict[str, Any]]]:
@@ -77,11 +71,7 @@ def input_blocks(run: RunData) -> list[Block]:
         ]
         for approach, where, row in _causes(run, rows_of_each(run))
     ]  # fmt: skip
-    heads = [
-        "approach", "where", f"probability of squeal ({run.criterion})", "median damping [-]",
-        "likely to squeal", "strongest input", "rank correlation", "friction", "materials",
-        "loads", "rest",
-    ]  # fmt: skip
+    heads = Table.headings("inputs", criterion=run.criterion)
     limit = run.in_effect("samples").get("limit")
     limit = f"{100 * limit:g} %" if isinstance(limit, int | float) else "the limit of the scene"
     notes = [note("likely", limit=limit)]
@@ -130,13 +120,11 @@ def forces_blocks(run: RunData) -> list[Block]:
     ]  # fmt: skip
     if not rows:
         return []
-    heads = [
-        "approach", "pad", "normal force [N]", "friction force [N]", "brake torque [N m]",
-        "effective radius [mm]", "face in contact", "largest pressure [MPa]",
-        "centre of pressure towards the leading edge [mm]", "force on the leading half",
-    ]  # fmt: skip
     turns = any(pad.get("torque_N_m") for *_, pad in pads)
-    return [Table(heads, rows), note("forces", less=note("less_friction").text if turns else "")]
+    return [
+        Table(Table.headings("forces"), rows),
+        note("forces", less=note("less_friction").text if turns else ""),
+    ]
 
 
 def _with_std(numbers: Mapping[str, Any], name: str) -> str:
@@ -207,10 +195,7 @@ def _settings(run: RunData) -> list[Block]:
     blocks: list[Block] = []
     if isinstance(settings := run.summary.get("settings"), Mapping) and settings:
         tables = scene_tables(settings)
-        blocks += [
-            note("settings"),
-            Special("pairs", tables),
-        ]
+        blocks += [note("settings"), Special("pairs", tables)]
     elif run.scene is not None:
         blocks.append(Text(run.scene, "preformatted"))
     for key in ("seeds", "versions"):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import squeals
 
@@ -53,7 +53,7 @@ def draw_squeal_map(run: RunData) -> style.Figure | None:
 
 def _panels(
     run: RunData, height: float, limits: tuple[float, float]
-) -> tuple[style.Figure, NDArray]:
+) -> tuple[style.Figure, AnyArray]:
     """One panel per approach over shared axes, squeal shaded, counts in the title."""
     n, ticks = len(run.approaches), [-0.1, -0.01, -0.001, 0.0, 0.001, 0.01, 0.1]
     figure, axes = style.new_figure(n, 1, height=0.7 + height * n, sharex=True, sharey=True)
@@ -84,7 +84,7 @@ def _headline(run: RunData, approach: str) -> str:
 
 
 def _scatter(
-    axes: style.Axes, x: NDArray, y: NDArray, colour: str, marker: str, size: float, text: str
+    axes: style.Axes, x: AnyArray, y: AnyArray, colour: str, marker: str, size: float, text: str
 ) -> None:
     if x.size == 0:
         return
@@ -95,7 +95,7 @@ def _scatter(
     axes.scatter(x, y, s=size, linewidths=0, rasterized=many, zorder=3, **looks)
 
 
-def _thinned(values: NDArray) -> NDArray:
+def _thinned(values: AnyArray) -> AnyArray:
     """At most as many values as a scatter draws."""
     return values[:: max(1, -(-values.size // DRAWN_POINTS))]
 
@@ -161,7 +161,7 @@ def squeal_map(run: RunData, pictures: ModePictures, most: int = MOST) -> dict[s
     }
 
 
-def _selected(known: NDArray, hits: NDArray, most: int) -> tuple[NDArray, str]:
+def _selected(known: AnyArray, hits: AnyArray, most: int) -> tuple[AnyArray, str]:
     """Rows of the table that are shown, and how they were taken: every n-th, squeal modes first."""
     squeal, others = np.flatnonzero(known & hits), np.flatnonzero(known & ~hits)
     if squeal.size + others.size <= most:
@@ -175,6 +175,6 @@ def _selected(known: NDArray, hits: NDArray, most: int) -> tuple[NDArray, str]:
     ), f"{said} and one in {rest} of the others"
 
 
-def _rounded(values: NDArray, digits: int) -> list[float | None]:
+def _rounded(values: AnyArray, digits: int) -> list[float | None]:
     """Numbers of few digits; None for what is not finite."""
     return [float(f"{v:.{digits}g}") if np.isfinite(v) else None for v in values.astype(float)]

@@ -8,10 +8,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from brake_fenicsx.arguments import AnyArray
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes
     from matplotlib.figure import Figure as Figure
-    from numpy.typing import NDArray
 
     from brake_fenicsx.results.run import RunData
 
@@ -147,7 +148,7 @@ def label(run: RunData, approach: str) -> str:
 
 
 def draw_field(
-    axes: Axes, values: NDArray, size: NDArray, colours: Any, missing: str, **scale: Any
+    axes: Axes, values: AnyArray, size: AnyArray, colours: Any, missing: str, **scale: Any
 ) -> Any:
     """Values over a surface as an image, x to the right.
 

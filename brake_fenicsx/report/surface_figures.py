@@ -6,8 +6,8 @@ import json
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.results.run import Arrays, RunData, scan_heights
 from brake_fenicsx.surface.hdf import pooled
 from brake_fenicsx.surface.iso25178 import bearing_curve
@@ -53,7 +53,7 @@ def topography_caption(run: RunData) -> str:
     return f"{shown} Red: points that are missing or masked."
 
 
-def _maps(scans: NDArray, size: NDArray, surface: Arrays) -> style.Figure:
+def _maps(scans: AnyArray, size: AnyArray, surface: Arrays) -> style.Figure:
     """Maps of several scans [um], shape (scans, nx, ny), at one scale of heights."""
     shown = scans[:MOST_MAPS]
     columns = min(len(shown), MAPS_IN_A_ROW)
@@ -117,7 +117,7 @@ def draw_artificial(run: RunData) -> style.Figure | None:
     return figure
 
 
-def _map(axes: style.Axes, z: NDArray, size: NDArray, limits: tuple[float, float]) -> Any:
+def _map(axes: style.Axes, z: AnyArray, size: AnyArray, limits: tuple[float, float]) -> Any:
     """Heights [um] of shape (nx, ny) as an image, missing points in red."""
     import matplotlib
 
@@ -125,7 +125,7 @@ def _map(axes: style.Axes, z: NDArray, size: NDArray, limits: tuple[float, float
     return style.draw_field(axes, z, size, colours, style.VERMILION, vmin=limits[0], vmax=limits[1])
 
 
-def _height_limits(z: NDArray) -> tuple[float, float]:
+def _height_limits(z: AnyArray) -> tuple[float, float]:
     """Colour limits that a few spikes do not stretch."""
     valid = z[np.isfinite(z)]
     if valid.size == 0:
@@ -195,7 +195,7 @@ def draw_bearing_curve(run: RunData) -> style.Figure | None:
     return figure
 
 
-def bearing_curves(surface: Arrays) -> tuple[NDArray, NDArray, list[NDArray]]:
+def bearing_curves(surface: Arrays) -> tuple[AnyArray, AnyArray, list[AnyArray]]:
     """Material ratios [-], heights [m] of all scans together, and of each where there are several.
 
     Args:

@@ -1,59 +1,31 @@
 """Surface and contact laws: on the page, on a page of their own, and as tables."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.results.run import Arrays, RunData
 from brake_fenicsx.results.tables import Value, write_rows
 
 from .contact_figures import settings_of
 from .figures import figures
-from .page_blocks import Block, Section, Table, note
+from .page_blocks import Block, Section, Table, note, texts
 from .surface_figures import bearing_curves, surface_statistics
 from .verdict import Verdict, warnings_of
 
-# Key, name, unit, and the unit's number in one SI unit; by the names of ISO 25178-2 where it has
-# them.
-STATISTICS = (
-    ("mean", "mean height over the instrument's zero", "µm", 1e6),
-    ("median", "median height over the instrument's zero", "µm", 1e6),
-    ("S_a", "S_a, arithmetic mean height", "µm", 1e6),
-    ("S_q", "S_q, root mean square height", "µm", 1e6),
-    ("S_sk", "S_sk, skewness", "-", 1.0),
-    ("S_ku", "S_ku, kurtosis", "-", 1.0),
-    ("S_p", "S_p, maximum peak height", "µm", 1e6),
-    ("S_v", "S_v, maximum pit depth", "µm", 1e6),
-    ("S_z", "S_z, maximum height", "µm", 1e6),
-    ("S_k", "S_k, core height", "µm", 1e6),
-    ("S_pk", "S_pk, reduced peak height", "µm", 1e6),
-    ("S_vk", "S_vk, reduced valley depth", "µm", 1e6),
-    ("S_mr1", "S_mr1, material ratio at the upper end of the core", "%", 100.0),
-    ("S_mr2", "S_mr2, material ratio at the lower end of the core", "%", 100.0),
-    ("S_dq", "S_dq, root mean square gradient", "-", 1.0),
-    ("S_dr", "S_dr, developed interfacial area ratio", "%", 100.0),
-    ("S_al", "S_al, autocorrelation length (decay to 0.2)", "µm", 1e6),
-    ("S_tr", "S_tr, texture aspect ratio (decay to 0.2)", "-", 1.0),
-    (
-        "S_tr_open",
-        "directions without a decay to 0.2 within half of the scan: above 0 % S_tr is an"
-        " upper bound",
-        "%",
-        100.0,
-    ),
-    ("c1", "c1, slope of the power spectrum below q_c", "-", 1.0),
-    ("c2", "c2, slope of the power spectrum above q_c", "-", 1.0),
-    ("q_c", "q_c, wave number of the crossover", "1/mm", 1e-3),
-    ("C0", "C0, level of the spectrum at q_c", "m⁴", 1.0),
-    ("fit_rms", "root mean square of ln(spectrum / fit)", "-", 1.0),
-)
+# Numbers of a unit in one SI unit; key, name, unit and this of every parameter, by the names of
+# ISO 25178-2 where it has them.
+FACTORS = {"µm": 1e6, "-": 1.0, "%": 100.0, "1/mm": 1e-3, "m⁴": 1.0}
+STATISTICS = [
+    (key, text, unit, FACTORS[unit])
+    for key, line in texts("statistics").items()
+    for text, _, unit in (line.partition(" | "),)
+]
 SCANNED = ("mean", "median", "fit_rms")  # nothing where numbers are given in place of a scan
 FIRST = ("S_a", "S_q", "S_z", "S_sk", "S_ku", "S_dq", "S_dr", "S_al")
 MOST_COLUMNS = 6  # of scans in a table
@@ -307,7 +279,7 @@ def _law_rows(laws: Arrays) -> Iterator[list[Value]]:
             yield [i, j, *(float(array[i, j]) for array in arrays)]
 
 
-def _write_heights(folder: Path, heights: NDArray, size: NDArray) -> list[Path]:
+def _write_heights(folder: Path, heights: AnyArray, size: AnyArray) -> list[Path]:
     """Heights [m], shape (nx, ny), and their size [m], as npz and as text with a row for each x."""
     paths = [folder / f"{HEIGHTS}.npz", folder / f"{HEIGHTS}.csv"]
     for path in paths:

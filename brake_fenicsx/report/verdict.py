@@ -1,7 +1,5 @@
 """The first screen of the page: verdict, strongest candidates, conditions, warnings."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Speed beside error of the run itself: seconds and memory per stage, errors per approach."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -5,8 +5,6 @@ customary one of Abaqus, and zero: every unstable mode, with nothing but the dam
 names.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

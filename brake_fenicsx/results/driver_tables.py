@@ -4,8 +4,6 @@ Rows of the first sample of each approach, mode by mode, and medians over all sq
 family where the approach has several samples.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any

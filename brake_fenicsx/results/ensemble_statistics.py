@@ -27,8 +27,6 @@ Samples that failed are left out, which only RBD-FAST allows; in the two others 
 set to the mean of the others, and no index is given where more than 2 % are.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

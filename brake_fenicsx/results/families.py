@@ -4,8 +4,6 @@ Families of another run have coordinates in another basis, on another mesh perha
 are places: the displacement of a family at nodes of the mesh, and the body that each belongs to.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
@@ -80,7 +78,7 @@ class Onsets:
         self.planes[real, :, 1] = 0.0
         self.vectors, self.sizes = vectors, 2 - real
 
-    def like(self, own: list[int], others: Onsets, inside: bool = False) -> Array:
+    def like(self, own: list[int], others: "Onsets", inside: bool = False) -> Array:
         """Likeness of some of these modes with all others, shape (own, others).
 
         Args:
@@ -146,7 +144,7 @@ class ModeFamilies:
         grown: the first growing member of the families that have one, by number.
     """
 
-    def __init__(self, known: ModeFamilies | None = None):
+    def __init__(self, known: "ModeFamilies | None" = None):
         """Begin with the families that are known, or with none."""
         self.vectors: list[Complex] = [] if known is None else [*known.vectors]
         self.frequencies: list[float] = [] if known is None else [*known.frequencies]
@@ -165,7 +163,7 @@ class ModeFamilies:
         family = np.full(X.shape[1], -1)
         every = dict(enumerate(self.vectors))
         if every:
-            likeness = self._near(every, f) * mac(np.array(self.vectors).T, X)
+            likeness: AnyArray = self._near(every, f) * mac(np.array(self.vectors).T, X)
             grown = self._in_planes(self.grown, X, f, np.flatnonzero(grows))
             # Two families that a growing mode resembles alike: the one that has grown.
             grown[grown < likeness.max(axis=0) - ALIKE] = 0.0
@@ -234,10 +232,8 @@ def family_shapes(places: Array, u: Complex, numbers: Index) -> dict[str, AnyArr
     chosen, kept = vectors[:, ::step], keys[first[::step]]
     size = np.linalg.norm(chosen.reshape(len(chosen), -1), axis=1)
     shapes = (chosen / np.maximum(size, 1e-300)[:, None, None]).astype(np.complex64)
-    return {
-        "points": kept[:, :3], "body": places[first[::step], 4:], "shapes": shapes,
-        "families": numbers,
-    }  # fmt: skip
+    bodies = places[first[::step], 4:]
+    return {"points": kept[:, :3], "body": bodies, "shapes": shapes, "families": numbers}
 
 
 def shapes_at_dofs(shapes: Mapping[str, AnyArray], places: Array) -> Complex:

@@ -1,7 +1,5 @@
 """The end of a run: CSV files, arrays of what the samples do not tell, figures of the summary."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -189,11 +187,9 @@ def sample_facts(stored: StoredSamples) -> dict[str, Any]:
     """
     names = [str(name) for name in stored.rows["approach"]]
     good = [status == "ok" for status in stored.rows["status"]]
-    facts: dict[str, Any] = {
-        "samples": {name: _approach(stored, name, names, good)
-                    for name in dict.fromkeys(name for name, _ in stored.tasks)},
-        "failed_samples": good.count(False),
-    }  # fmt: skip
+    approaches = dict.fromkeys(name for name, _ in stored.tasks)
+    figures = {name: _approach(stored, name, names, good) for name in approaches}
+    facts: dict[str, Any] = {"samples": figures, "failed_samples": good.count(False)}
     each = zip(names, stored.rows["sample"], stored.of_each("lost"), strict=True)
     if lost := [(f"{text} (sample {name} {k}") for name, k, text in each if text]:
         others = f", and in {len(lost) - 1} more samples" if lost[1:] else ""
@@ -216,16 +212,17 @@ def _approach(
         said = {PROVEN: "", "counted": "not proven: "}.get(kinds[0], f"{kinds[0]}: ")
         mine = np.asarray(stored.modes["approach"] == name)
         verdict = stored.modes["verdict"][mine]
+        largest = np.fmax.reduce(eigenvalue_errors(stored.modes)[mine], initial=0.0)
         about |= {
-            "modes": int(mine.sum()), "counted_by": said + values("counted")[0],
+            "modes": int(mine.sum()),
+            "counted_by": said + values("counted")[0],
             "not_complete": sum(kind != PROVEN for kind in kinds),
             "tolerance_missed": sum(map(int, values("tolerance_missed"))),
-            "largest_error": float(np.fmax.reduce(eigenvalue_errors(stored.modes)[mine],
-                                                  initial=0.0)),
+            "largest_error": float(largest),
             "unstable": int((verdict == "unstable").sum()),
             "neutral": int((verdict == "neutral").sum()),
             "seconds_per_stability": float(np.median(values("stability_seconds"))),
-        }  # fmt: skip
+        }
     if rejected := values("rejected"):
         about["rejected_draws"] = sum(map(int, rejected))
     if beyond := max(map(float, values("beyond_laws")), default=0.0):

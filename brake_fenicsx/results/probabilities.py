@@ -369,7 +369,8 @@ def probability_facts(samples: Samples, approaches: Sequence[Ensemble]) -> dict[
         share = wilson(int(whole.sum()), whole.size)
         facts[e.approach] = {
             "threshold": e.threshold,
-            "probability_of_any": share.value, "interval": share.cells[1:],
+            "probability_of_any": share.value,
+            "interval": share.cells[1:],
             "families_above_limit": above,
-        }  # fmt: skip
+        }
     return facts

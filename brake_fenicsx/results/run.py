@@ -29,10 +29,7 @@ if TYPE_CHECKING:
 Arrays = dict[str, AnyArray]
 
 # Names of approaches as a person reads them, the simplest first.
-APPROACHES = {
-    "classical": "Classical", "parametric": "Parametric", "multi-scale": "Multi-scale",
-    "joint": "Joint",
-}  # fmt: skip
+APPROACHES = {n: n.capitalize() for n in ("classical", "parametric", "multi-scale", "joint")}
 SMOOTH = "Smooth contact"  # the approach "multi-scale" of a scene without roughness
 PART = 2**18  # modes whose errors are computed together
 # Files of tables that need more than the samples: the brake, lines of a sweep, resampling.
@@ -157,10 +154,8 @@ class RunData:
         there |= {"drivers_contact": self.driver_maps} if self.driver_maps is not None else {}
         there |= {**self.causes, **self.sweep, **self.extras}
         if table not in there:
-            raise SceneError(
-                f"{self.directory}: no table {table!r}{likely(table, there)}; there are"
-                f" {', '.join(there)}"
-            )
+            raise SceneError(f"""{self.directory}: no table {table!r}{likely(table, there)}; there
+                are {", ".join(there)}""")
         return pd.DataFrame({name: there[table][name] for name in there[table]})
 
     def label(self, approach: str) -> str:
@@ -254,11 +249,9 @@ def _stored(run: RunData) -> StoredSamples | None:
 def _of_samples(run: RunData, stored: StoredSamples) -> dict[str, Any]:
     """Parts of a run that its samples tell."""
     in_effect = run.summary.get("in_effect", {})
-    parts: dict[str, Any] = {
-        "stored": stored, "samples": stored.samples, "extras": {},
-        "modes": stored.modes
-        if stored.modes.any or "stability" in in_effect.get("stages", ()) else None,
-    }  # fmt: skip
+    parts: dict[str, Any] = {"stored": stored, "samples": stored.samples, "extras": {}}
+    if stored.modes.any or "stability" in in_effect.get("stages", ()):
+        parts["modes"] = stored.modes
     for extra in extras():
         if extra.make_tables and not in_effect.keys().isdisjoint(extra.sections):
             tables = load(extra.make_tables)(stored)

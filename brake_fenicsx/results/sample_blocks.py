@@ -6,8 +6,6 @@ family of its block, and families of blocks are matched when the tables are writ
 more samples than a block has one pass over them.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.arguments import AnyArray
+from brake_fenicsx.arguments import AnyArray, Ints
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.arrays import Arrays
 from brake_fenicsx.folder.sample_files import FOLDER, Task
@@ -130,10 +128,9 @@ def founders_of(store: Store, tasks: Sequence[Task]) -> ModeFamilies:
 def keep_founders(store: Store, tasks: Sequence[Task]) -> None:
     """Keep these families in the folder, for all blocks that are packed from now on."""
     made = founders_of(store, tasks)
-    store.save(
-        FOUNDERS, vectors=np.array(made.vectors), frequencies=np.array(made.frequencies),
-        grown=np.array([*made.grown], int), growing=np.array([*made.grown.values()]),
-    )  # fmt: skip
+    every = {"vectors": np.array(made.vectors), "frequencies": np.array(made.frequencies)}
+    grown = {"grown": np.array([*made.grown], int), "growing": np.array([*made.grown.values()])}
+    store.save(FOUNDERS, **every, **grown)
 
 
 def _added(members: ModeFamilies, data: Mapping[str, Any]) -> NDArray[np.int32]:
@@ -170,7 +167,7 @@ class SampleBlock:
         """Names of the arrays of the samples."""
         return [*self._shapes]
 
-    def sizes(self, name: str) -> NDArray[np.int64]:
+    def sizes(self, name: str) -> Ints:
         """Number of values of each sample, shape (samples,)."""
         shapes = self._shapes[name]
         return np.where(shapes[:, 0] < 0, 0, shapes[:, 1:].prod(axis=1, dtype=np.int64))

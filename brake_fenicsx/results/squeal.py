@@ -14,9 +14,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from brake_fenicsx.arguments import AnyArray, Array, Index, Mask
+from brake_fenicsx.arguments import AnyArray, Array, Index, Ints, Mask
 
 from .ensemble_statistics import Proportion, wilson
 from .tables import MODES, TEXTS, Columns
@@ -160,7 +159,7 @@ class SquealTable:
             self._known[key] = make()
         return self._known[key]
 
-    def good(self, approach: str) -> NDArray[np.int64]:
+    def good(self, approach: str) -> Ints:
         """Numbers of the samples that ended well, ascending."""
         rows = self._samples[self._samples.approach == approach]
         return np.unique(rows["sample"][rows.status == "ok"]).astype(np.int64)

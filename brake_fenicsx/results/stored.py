@@ -123,11 +123,9 @@ class StoredSamples:
         estimated error exceeds stability.tolerance, and complete, whether it is proven that no mode
         is missing.
         """
-        columns: dict[str, list[Value]] = {
-            "approach": [name for name, _ in self._there], "sample": [k for _, k in self._there],
-            "status": self.of_each("status"), "seed": self.of_each("seed"),
-            "mu": self.of_each("mean_mu"),
-        }  # fmt: skip
+        columns: dict[str, list[Value]] = {"approach": [name for name, _ in self._there]}
+        columns |= {"sample": [k for _, k in self._there], "status": self.of_each("status")}
+        columns |= {"seed": self.of_each("seed"), "mu": self.of_each("mean_mu")}
         names = sorted({name for drawn in self._random for name in drawn})
         columns |= {name: [drawn.get(name) for drawn in self._random] for name in names}
         if any(name.startswith("materials.") for name in names):

@@ -7,8 +7,6 @@ exponent; ``None`` is an empty cell. Lines end with a line feed on every system.
 are written block by block, beyond 10^5 rows as Parquet where pyarrow is there.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -78,7 +76,7 @@ class RowTable(Shown):
         self._texts = frozenset(texts)
 
     @classmethod
-    def of(cls, kind: type[Row], rows: Iterable[Row], without: Sequence[str] = ()) -> RowTable:
+    def of(cls, kind: type[Row], rows: Iterable[Row], without: Sequence[str] = ()) -> "RowTable":
         """A table of rows of one class.
 
         Args:
@@ -88,7 +86,8 @@ class RowTable(Shown):
         """
         names = [name for name in kind.names() if name not in without]
         cells = ([getattr(row, name) for name in names] for row in rows)
-        return cls(names, cells, (f.name for f in fields(kind) if str(f.type).startswith("str")))
+        texts = (f.name for f in fields(kind) if f.type in (str, str | None, "str", "str | None"))
+        return cls(names, cells, texts)
 
     @property
     def columns(self) -> dict[str, AnyArray]:

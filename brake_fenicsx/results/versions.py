@@ -1,7 +1,5 @@
 """Versions of what a run was made with."""
 
-from __future__ import annotations
-
 import platform
 import sys
 from collections.abc import Mapping

@@ -14,8 +14,6 @@ curve of FAST cannot hold it.
 The last two give n' <= n points, the largest number their structure allows.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Iterator, Mapping

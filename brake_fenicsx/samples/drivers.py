@@ -1,13 +1,11 @@
 """What drives the unstable modes of a sample: derivatives to friction, loads, contact and layers.
 
 Friction and loads move the equilibrium too, and with it the contact stiffness and the pressures of
-every element (``macro.equilibrium_change``); what moves in the bodies leaves the state of the
+every element (``macro.equilibrium``); what moves in the bodies leaves the state of the
 contact as it is. Of a reduced sample the interface gives the derivatives of the contact at next to
 no cost; layers need displacements of both vectors at full order (``stability.derivatives``), and
 are left to the first sample of each approach: the kept modes alone miss how soft layers deform.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -17,10 +15,9 @@ import numpy as np
 
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.build.parametric import layer_derivatives
-from brake_fenicsx.macro.equilibrium import Equilibrium
-from brake_fenicsx.macro.equilibrium_change import EquilibriumChange, equilibrium_change
-from brake_fenicsx.scene.approaches import slides
+from brake_fenicsx.macro.equilibrium import Equilibrium, EquilibriumChange, equilibrium_change
 from brake_fenicsx.scene.scalars import is_length
+from brake_fenicsx.scene.scene import slides
 from brake_fenicsx.stability import derivatives
 from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.eigensolvers.eigenpairs import QuadraticPencil, inner

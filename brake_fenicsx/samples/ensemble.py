@@ -1,7 +1,5 @@
 """Many samples over MPI processes: each takes the next one and stores it."""
 
-from __future__ import annotations
-
 import traceback
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -13,10 +11,9 @@ import numpy as np
 
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.folder.log import Progress, logger
-from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.processes import asked, ending, finishing, on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.folder.termination import asked, ending, finishing
 
 # A sample at full order takes as long as so many others (measured at the reference brake). Where
 # these keep all other processes busy, one process computes it alone: two that share it do more work
@@ -158,7 +155,7 @@ class _Counter:
         self.comm, self.local = comm, -1
         self.window: Any = None
 
-    def __enter__(self) -> _Counter:
+    def __enter__(self) -> "_Counter":
         if self.comm.size > 1:
             unit = MPI.INT64_T.Get_size()
             size = unit if self.comm.rank == 0 else 0

@@ -1,7 +1,5 @@
 """Braking equilibria of samples: on the scene's bodies, or on bodies of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -14,12 +12,13 @@ from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.condensation import compliance, reference_factor
 from brake_fenicsx.macro.equilibrium import (
+    BodyOperators,
     Equilibrium,
+    corrected_equilibrium,
     displacement,
     equilibrium,
     raised_friction,
 )
-from brake_fenicsx.macro.equilibrium_change import BodyOperators, corrected_equilibrium
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.scene import Scene
 
@@ -42,7 +41,7 @@ class Equilibria:
     tolerance: float
 
     @classmethod
-    def of_scene(cls, scene: Scene, models: Models) -> Equilibria:
+    def of_scene(cls, scene: Scene, models: Models) -> "Equilibria":
         """With the load steps and the tolerance that a scene names."""
         steps = max((load.steps for load in scene.loads.values()), default=1)
         return cls(models, steps, scene.equilibrium.tolerance)

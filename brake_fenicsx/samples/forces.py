@@ -1,7 +1,5 @@
 """Contact of the samples in the summary: forces on the pads, and interfaces whose faces stick."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -12,10 +10,8 @@ from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.folder.sample_files import Task
-from brake_fenicsx.macro.contact_elements import Contact
-from brake_fenicsx.macro.resultants import PadForces, pad_forces
+from brake_fenicsx.macro.contact_elements import Contact, PadForces, StuckState, pad_forces
 from brake_fenicsx.macro.sliding_friction import Rotation
-from brake_fenicsx.macro.stuck import StuckState
 from brake_fenicsx.scene import Scene
 
 # Values that differ by less, relatively, are the same.
@@ -97,9 +93,7 @@ def _numbers(pad: PadForces, turns: bool) -> dict[str, float]:
     x, y, z = 1e3 * pad.centre
     edges = np.degrees(pad.edges) if turns else 1e3 * np.array(pad.edges)
     unit = "deg" if turns else "mm"
-    torque = {
-        "torque_N_m": pad.torque, "effective_radius_mm": 1e3 * pad.effective_radius,
-    }  # fmt: skip
+    torque = {"torque_N_m": pad.torque, "effective_radius_mm": 1e3 * pad.effective_radius}
     return {
         "normal_N": pad.normal, "friction_N": float(np.linalg.norm(pad.friction)),
         **(torque if turns else {}),

@@ -1,7 +1,5 @@
 """What the samples of a study share: brake, reduced models, compliance, coordinates of modes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -52,7 +50,7 @@ class Models(OfOneProcess):
 
     brake: ParametricBrake
     loads: UnitLoads
-    coordinates: FamilyCoordinates
+    coordinates: "FamilyCoordinates"
     numbering: Numbering
 
     def __init__(

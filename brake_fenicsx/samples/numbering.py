@@ -7,8 +7,6 @@ Stiffness and mass are in one file, which the processes of a machine hold once. 
 reduced model look at neither; a sample at full order, and pictures of modes, do.
 """
 
-from __future__ import annotations
-
 import hashlib
 from contextlib import suppress
 from dataclasses import replace

@@ -6,8 +6,6 @@ stream, again and again, so that nothing depends on other samples; only in the r
 Saltelli), whose points mean something only all together, it fails with its named error instead.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from brake_fenicsx.arguments import Array
@@ -135,10 +133,8 @@ def note_laws(scene: Scene) -> None:
         if name not in followed:
             logger.info("contact.%s.law: as written, whatever the moduli of a sample", name)
         elif (material := law_material(scene, name)) in changing:
-            logger.info(
-                "contact.%s.law: pressures of the library times E*(sample) / E*(scene) of %s",
-                name, material,
-            )  # fmt: skip
+            said = "contact.%s.law: pressures of the library times E*(sample) / E*(scene) of %s"
+            logger.info(said, name, material)
 
 
 def law_factor(interface: str, values: Values) -> float:

@@ -6,8 +6,6 @@ approach that asks for full order, and what no reduced model takes (too strong d
 that are not positive definite everywhere in their box) go to full order.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 
@@ -26,9 +24,9 @@ from brake_fenicsx.folder.log import Progress, logger
 from brake_fenicsx.folder.processes import on_first, release_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.scene import Scene, Stability
-from brake_fenicsx.scene.approaches import active_terms, lone_samples, reduced_approaches
 from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies, si_unit
+from brake_fenicsx.scene.scene import active_terms, lone_samples, reduced_approaches
 from brake_fenicsx.scene.units import quantity_text
 from brake_fenicsx.stability import substructures
 

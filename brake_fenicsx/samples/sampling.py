@@ -27,9 +27,9 @@ from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_wavine
 from brake_fenicsx.macro.sliding_friction import Coefficient, SlidingFriction
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.scene import ContactTable, LawTable, Scene
-from brake_fenicsx.scene.approaches import friction_of
 from brake_fenicsx.scene.contact_section import LAWS
 from brake_fenicsx.scene.scalars import SPEED
+from brake_fenicsx.scene.scene import friction_of
 
 from . import random_inputs
 from .designs import correlation_root, design_size, roughness_of

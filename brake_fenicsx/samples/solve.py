@@ -1,7 +1,5 @@
 """Complex modes of one sample, and what is kept of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -17,8 +15,12 @@ from brake_fenicsx.folder.log import logger, spared
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.stability import Modes, complex_modes, contact_interface
 from brake_fenicsx.stability.eigen import tangent
-from brake_fenicsx.stability.modes import relative_errors
-from brake_fenicsx.stability.participation import damped_partners, energy_shares, flutter_partners
+from brake_fenicsx.stability.modes import (
+    damped_partners,
+    energy_shares,
+    flutter_partners,
+    relative_errors,
+)
 from brake_fenicsx.stability.substructures import ContactLinearisation
 from brake_fenicsx.stability.substructures.parameter_line import Basis
 

@@ -1,7 +1,5 @@
 """The samples of a scene: what they share, and each one's equilibrium and modes."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress

@@ -7,16 +7,14 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
 
 from .keys import key, rising_pair, shown
 from .surface_section import Surface
 from .units import factor_to_si, usual_unit, with_unit
-
-Array = NDArray[np.float64]
 
 LAWS = '"library", { linear = "2e13 Pa/m" }, { p0 = .., u0 = .. } or { table = .., units = .. }'
 FRICTION = (0.0, 1.5)  # usual coefficients

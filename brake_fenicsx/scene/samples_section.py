@@ -6,8 +6,6 @@ vary; of an isotropic one E and nu; of any other one the constants for each axis
 is written: the named ones change, the others stay.
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Iterator
@@ -182,7 +180,7 @@ class Samples:
             return False
         return approach != "multi-scale" or not {"parametric", "joint"} & {*self.approaches}
 
-    def plan(self, approach: str) -> Plan:
+    def plan(self, approach: str) -> "Plan":
         """Number and design of an approach's samples as the scene asks for them."""
         table = {"parametric": self.parametric, "joint": self.joint}.get(approach, Design())
         design = table.design or ("rbd-fast" if approach == "parametric" else self.design)

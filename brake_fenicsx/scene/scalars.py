@@ -7,9 +7,9 @@ from typing import Any
 from brake_fenicsx.arguments import likely
 from brake_fenicsx.errors import SceneError
 
-from . import approaches
 from . import parts_section as parts
 from . import samples_section as samples
+from . import scene as scenes
 from .keys import KeyMistake, dotted
 from .scene import Scene
 from .units import to_si
@@ -147,7 +147,7 @@ def _no_length(s: Scene, name: str, length: str) -> Iterator[str]:
             with --set parts.{name}.{length}=VALUE"""
     if s.damping and s.damping.modal:
         yield "stability.damping.modal is of bodies of one shape; name rayleigh or loss instead"
-    turns = layers and name in approaches.turning_parts(s)
+    turns = layers and name in scenes.turning_parts(s)
     if turns and s.motion and any(s.motion.turns_about[:2]):
         yield "stability.damping.gyroscopic needs the axis z beside it; leave one of the two out"
 
@@ -159,14 +159,14 @@ def _idle(s: Scene, name: str) -> Iterator[str]:
         yield """nothing depends on the speed; name sliding, slope or gyroscopic in
             stability.damping, or write contact.NAME.friction = { static = .., kinetic = .., decay =
             .. }"""
-    if section == "contact" and not approaches.slides(s, table):
+    if section == "contact" and not scenes.slides(s, table):
         yield """the interface is stuck, and its friction moves no mode: it is a limit that is
             listed; leave it out, or write slip = "motion" """
-    if section == "materials" and last != "loss" and table not in approaches.used_materials(s):
+    if section == "materials" and last != "loss" and table not in scenes.used_materials(s):
         yield "no part is made of the material; leave it out"
     if section == "masses" and s.parts[table.partition(".")[0]].matrices:
         yield "the mass is on a set of nodes, without an area: run the scene once for each value"
-    if name == "samples.classical.penalty" and not approaches.PERFECT & {*s.samples.approaches}:
+    if name == "samples.classical.penalty" and not scenes.PERFECT & {*s.samples.approaches}:
         yield "no approach has perfect contact; add classical or parametric to samples.approaches"
 
 
@@ -176,7 +176,7 @@ def _without_damping(s: Scene, name: str) -> Iterator[str]:
     loss, modal, rayleigh = (
         s.damping and getattr(s.damping, term) for term in ("loss", "modal", "rayleigh")
     )
-    if last == "loss" and not (loss and table in approaches.used_materials(s)):
+    if last == "loss" and not (loss and table in scenes.used_materials(s)):
         yield """needs stability.damping = { loss = true, omega_ref = "2 kHz" } and a part of the
             material"""
     if is_inertia(name) and modal:
@@ -188,11 +188,11 @@ def _without_damping(s: Scene, name: str) -> Iterator[str]:
 def _speed_acts(s: Scene) -> bool:
     """Whether friction or a term of the damping depends on the speed."""
     falls = any(
-        approaches.depends_on_speed(approaches.friction_of(s, a, interface))
+        scenes.depends_on_speed(scenes.friction_of(s, a, interface))
         for a in s.samples.approaches
         for interface in s.contact
     )
-    terms = {term for a in s.samples.approaches for term in approaches.active_terms(s, a)}
+    terms = {term for a in s.samples.approaches for term in scenes.active_terms(s, a)}
     return falls or not terms.isdisjoint(("sliding", "slope", "gyroscopic"))
 
 

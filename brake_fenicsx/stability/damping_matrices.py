@@ -32,8 +32,6 @@ is the same there and does without the error of a faceted boundary. A wave cos(m
 of the disc at rest is dragged along: the pair +-m splits by 2 m Omega.
 """
 
-from __future__ import annotations
-
 import brake_fenicsx.petsc_started  # noqa: F401
 from brake_fenicsx.arguments import Array
 

@@ -25,8 +25,6 @@ E = omega^2 phi^H M phi / 2 of that motion and the loss D = pi omega phi^H C phi
 (feed-in energy: Guan and Huang, J. Sound Vib. 261, 2003).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -17,8 +17,6 @@ Two processes may share the work: right and left vectors, the modes without fric
 of the interface, two halves of the proof.
 """
 
-from __future__ import annotations
-
 import time
 from typing import Any
 
@@ -33,8 +31,14 @@ from brake_fenicsx.macro.solver import whole, with_interface
 
 from .eigensolvers import symmetric
 from .eigensolvers.argument_principle import damped_region
-from .eigensolvers.arnoldi import times
-from .eigensolvers.eigenpairs import ROUND_OFF, QuadraticPencil, paired, residuals, undamped_errors
+from .eigensolvers.eigenpairs import (
+    ROUND_OFF,
+    QuadraticPencil,
+    paired,
+    residuals,
+    times,
+    undamped_errors,
+)
 from .full.damped import damped_modes
 from .full.dense import DENSE, small_modes
 from .full.friction_modes import friction_modes
@@ -159,10 +163,9 @@ def _symmetric(p: SplitProblem, high: float) -> Found:
     """
     shifted = symmetric.shifted_factor(p.K, p.M, high, symmetric.LARGEST_SHIFT)
     if shifted is None:
-        raise InaccurateResult(
-            "the stiffness is not positive semi-definite: eigenvalues kappa = -lambda^2 below"
-            f" {-symmetric.LARGEST_SHIFT * high:.2g} 1/s^2; look for a negative spring"
-        )
+        raise InaccurateResult(f"""the stiffness is not positive semi-definite: eigenvalues kappa =
+            -lambda^2 below {-symmetric.LARGEST_SHIFT * high:.2g} 1/s^2; look for a negative
+            spring""")
     modes = symmetric.symmetric_modes(p.K, p.M, *shifted, high)
     shifted[0].destroy()
     shapes = modes.Phi.astype(complex)
@@ -192,9 +195,8 @@ def _record(
     order, lam, spread, real = undamped_rows(f.kappa, error, band)
     missed = (residual > tolerance) & (backward > ROUND_OFF)
     if np.any(missed[order]):
-        raise NotConverged(
-            f"full order: relative residual {residual[order].max():.1e}, wanted {tolerance:.0e}"
-        )
+        raise NotConverged(f"""full order: relative residual {residual[order].max():.1e}, wanted
+            {tolerance:.0e}""")
     return Modes(
         lam, f.right[:, order], left[:, order], residual[order], spread, condition[order],
         counted_rows(lam, f.counting, zeta_max), time.perf_counter() - start, real,

@@ -1,6 +1,5 @@
 """Scan -> statistics -> artificial surfaces. Imports no dolfinx."""
 
-from brake_fenicsx.surface.bootstrap import resampled
 from brake_fenicsx.surface.hdf import HeightDistribution, match_moments
 from brake_fenicsx.surface.psd import RadialPsd, radial_psd
 from brake_fenicsx.surface.readers import read_topography
@@ -11,7 +10,7 @@ from brake_fenicsx.surface.statistics import (
     characterise,
     given_statistics,
 )
-from brake_fenicsx.surface.synthesis import synthesise
+from brake_fenicsx.surface.synthesis import resampled, synthesise
 from brake_fenicsx.surface.topography import SynthesisRecord, Topography, make_topography
 
 __all__ = [

@@ -8,8 +8,6 @@ Reference: N. L. Johnson, Biometrika 36 (1949) 149, doi:10.1093/biomet/36.1-2.14
 R. Gnanadesikan, Biometrika 55 (1968) 1, doi:10.1093/biomet/55.1.1 (lines over normal quantiles).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -239,9 +237,8 @@ def match_moments(S_q: float, S_sk: float = 0.0, S_ku: float = 3.0) -> Johnson:
     if not (np.isfinite([S_q, S_sk, S_ku]).all() and S_q > 0.0):
         raise SurfaceError(f"S_q = {S_q} m, S_sk = {S_sk}, S_ku = {S_ku}: S_q must be positive")
     if S_ku <= 1.0 + S_sk**2:
-        raise SurfaceError(
-            f"S_ku = {S_ku}, S_sk = {S_sk}: every distribution has S_ku > 1 + S_sk^2; check both"
-        )
+        raise SurfaceError(f"""S_ku = {S_ku}, S_sk = {S_sk}: every distribution has S_ku > 1 +
+            S_sk^2; check both""")
     if abs(S_sk) < 1e-3 and abs(S_ku - 3.0) < 2e-3:  # less than any scan can tell from normal
         return Johnson("normal", S_q, 0.0, 3.0, 0.0, 1.0, 0.0, S_q)
     border = _lognormal_kurtosis(S_sk)
@@ -307,6 +304,5 @@ def _solve_shape(family: str, S_sk: float, S_ku: float) -> tuple[float, float]:
             fit = least_squares(defect, start, xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac")
             if np.abs(fit.fun).max() < 1e-9:
                 return float(fit.x[0]), float(np.exp(fit.x[1]))
-    raise SurfaceError(
-        f"S_sk = {S_sk}, S_ku = {S_ku}: no Johnson distribution found; use the measured heights"
-    )
+    raise SurfaceError(f"""S_sk = {S_sk}, S_ku = {S_ku}: no Johnson distribution found; use the
+        measured heights""")

@@ -6,8 +6,6 @@ relatives are those of ISO 13565-2, from the secant of the bearing curve. Surfal
 S_al and S_tr to 0.1 % at the same cost, and refuses a surface with missing points.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.fft
 from scipy.ndimage import map_coordinates

@@ -6,8 +6,6 @@ integral of C over both components of q is the variance of the heights; for an i
 h_q = mean(h exp(-i q x)) give C = |h_q|^2 A / (4 pi^2).
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass

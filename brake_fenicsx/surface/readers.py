@@ -1,12 +1,10 @@
 """Read a scan: npz, HDF5, TrueMap, X3P and tables here; the rest through SurfaceTopography.
 
 What a file says of its size and unit is not corrected: the statistics doubt what looks wrong, with
-the remedy (``size``, ``height_unit``; ``doubts``). Known traps: NMS files come out
+the remedy (``size``, ``height_unit``; ``topography``). Known traps: NMS files come out
 with a lateral size 1e9 too large, and readers of TrueMap files disagree by 1e3 on the heights
 (the format stores millimetres).
 """
-
-from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
@@ -16,10 +14,9 @@ import numpy as np
 from brake_fenicsx.arguments import AnyArray, Array, number, one_of, real
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.folder.arrays import npz_names, read_hdf5, read_npz, reading
-from brake_fenicsx.surface.instruments import METRES, Read, read_instrument
+from brake_fenicsx.surface.instruments import METRES, Read, read_instrument, read_x3p
 from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, HeightTable, read_npy, read_table
 from brake_fenicsx.surface.topography import Topography, make_topography
-from brake_fenicsx.surface.x3p import read_x3p
 
 OWN = ("heights", "size", "scale")  # arrays of our own formats
 MISSING = np.iinfo(np.int16).min  # value of a missing point in our int16 npz
@@ -88,10 +85,8 @@ def _check_coordinates(file: Path, spans: AnyArray, size: Any, shape: tuple[int,
     room = 0.01 + 1.0 / min(shape)  # a size may be that from the first to the last point
     fits = [np.allclose(ratio, unit, rtol=room, atol=0.0) for unit in METRES.values()]
     if not any(fits):
-        raise SurfaceError(
-            f"{file}: x and y of the file span {spans[0]:.6g} x {spans[1]:.6g}, which no unit makes"
-            f" {size[0]:.6g} x {size[1]:.6g} m; correct 'size' or leave it out"
-        )
+        raise SurfaceError(f"""{file}: x and y of the file span {spans[0]:.6g} x {spans[1]:.6g},
+            which no unit makes {size[0]:.6g} x {size[1]:.6g} m; correct 'size' or leave it out""")
 
 
 def _is_text(file: Path) -> bool:
@@ -163,19 +158,16 @@ def _read_numbers(
     if unit is None and table.unit is not None:
         unit = _metres(table.unit, f"{file}: the header")
     if unit is None:
-        raise SurfaceError(
-            f"{file}: a table of numbers names no unit of its heights; give 'height_unit', such as"
-            ' "um"'
-        )
+        raise SurfaceError(f"""{file}: a table of numbers names no unit of its heights; give
+            'height_unit', such as "um" """)
     if table.lengths is not None:
         return table.heights * unit, table.lengths * unit, "columns"
     if table.sides is None:
         return table.heights * unit, None, "matrix"
     unknown = [side for _, side in table.sides if side not in METRES]
     if unknown and size is None:
-        raise SurfaceError(
-            f"{file}: the header names no known unit of the sides ({unknown[0]!r}); give 'size'"
-        )
+        raise SurfaceError(f"""{file}: the header names no known unit of the sides ({unknown[0]!r});
+            give 'size'""")
     sides = np.array([value * METRES.get(side, np.nan) for value, side in table.sides])
     return table.heights.T * unit, sides, "header"
 

@@ -1,14 +1,12 @@
 """Statistics of scans as a record, and what makes them unlike those of the surface."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from brake_fenicsx.arguments import Array
-from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.errors import SurfaceError, lines
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.psd import RadialPsd
 from brake_fenicsx.surface.spectrum import BiFractal, variance_on
@@ -44,7 +42,7 @@ class SurfaceStatistics:
             scans, each of which has its own.
         level: form that was removed.
         missing: points without a height in the scans.
-        lost: where they are, see ``doubts.where_missing``; where the deepest are missing, heights
+        lost: where they are (``topography.where_missing``); where the deepest are missing, heights
             and spectrum of artificial surfaces are those of the scan with its holes filled.
         outliers: points masked by the outlier rule.
         curvature: share of the variance in a second-order form, largest of the scans [-].
@@ -71,10 +69,10 @@ class SurfaceStatistics:
     outliers: int = 0
     curvature: float = 0.0
     doubts: tuple[str, ...] = ()
-    scans: tuple[SurfaceStatistics, ...] = ()
+    scans: "tuple[SurfaceStatistics, ...]" = ()
 
     @property
-    def each(self) -> tuple[SurfaceStatistics, ...]:
+    def each(self) -> "tuple[SurfaceStatistics, ...]":
         """Statistics of each scan, also of a single one; none where numbers were given."""
         return self.scans or ((self,) if self.topography is not None else ())
 
@@ -128,6 +126,7 @@ class SurfaceStatistics:
         return int(np.count_nonzero(self.heights * S_q > height * self.hdf.S_q))
 
 
+@lines
 def _lost(stats: SurfaceStatistics) -> Iterator[str]:
     """Points that are missing by a rule, and too many outliers."""
     topo = stats.topography
@@ -135,23 +134,18 @@ def _lost(stats: SurfaceStatistics) -> Iterator[str]:
         return
     share = stats.missing / topo.heights.size
     if stats.lost == "deepest":
-        yield (
-            f"{topo.source}: the deepest {share:.0%} of the surface are missing: how deep they are"
-            " is not known; laws take them for as deep as the rims of the holes, and S_q, S_sk and"
-            " S_ku are those of the rest"
-        )
+        yield f"""{topo.source}: the deepest {share:.0%} of the surface are missing: how deep they
+            are is not known; laws take them for as deep as the rims of the holes, and S_q, S_sk and
+            S_ku are those of the rest"""
     if stats.lost == "highest":
-        yield (
-            f"{topo.source}: the highest {share:.0%} of the surface are missing, which carry the"
-            " load: no law can be told from this scan; measure it with less light"
-        )
+        yield f"""{topo.source}: the highest {share:.0%} of the surface are missing, which carry the
+            load: no law can be told from this scan; measure it with less light"""
     if (marked := stats.outliers / topo.heights.size) > MANY_OUTLIERS:
-        yield (
-            f"{topo.source}: {marked:.0%} of the points are spikes and were masked: no usual"
-            " measurement; measure again"
-        )
+        yield f"""{topo.source}: {marked:.0%} of the points are spikes and were masked: no usual
+            measurement; measure again"""
 
 
+@lines
 def _spectrum(stats: SurfaceStatistics) -> Iterator[str]:
     """Noise, and a spectrum that is not that of the scan."""
     fit, fitted = stats.bifractal, stats.spectrum.misfit is None
@@ -162,18 +156,14 @@ def _spectrum(stats: SurfaceStatistics) -> Iterator[str]:
             why = f"if this is instrument noise, set {cut}" + (
                 '; if not, surface.spectrum = "measured"' if fitted else ""
             )
-        yield (
-            f"the PSD flattens above {fit.q_c / 1e3:.3g} 1/mm (slope {fit.c2:.2f} after"
-            f" {fit.c1:.2f}){', which the bi-fractal model cannot represent' * fitted}: {why}"
-        )
+        yield f"""the PSD flattens above {fit.q_c / 1e3:.3g} 1/mm (slope {fit.c2:.2f} after
+            {fit.c1:.2f}){", which the bi-fractal model cannot represent" * fitted}: {why}"""
     wave, ratio = worst_octave(stats.psd, fit) if stats.psd and fitted else (np.nan, 1.0)
     if not 1 / MISSED < ratio < MISSED:
         more, times = ("more", ratio) if ratio > 1 else ("less", 1 / ratio)
-        yield (
-            f"the bi-fractal fit misses the spectrum: about a wavelength of {1e6 * wave:.3g} um"
-            f" artificial surfaces have {times:.1f} times {more} variance than the scan; use"
-            ' surface.spectrum = "measured"'
-        )
+        yield f"""the bi-fractal fit misses the spectrum: about a wavelength of {1e6 * wave:.3g} um
+            artificial surfaces have {times:.1f} times {more} variance than the scan; use
+            surface.spectrum = "measured" """
     elif abs((times := stats.variance_ratio) - 1.0) > OTHER:
         cause = "waves longer than the scan, or heights that differ from place to place; scan more"
         if fitted:
@@ -183,21 +173,18 @@ def _spectrum(stats: SurfaceStatistics) -> Iterator[str]:
         yield f"artificial surfaces as large as the scan have {times:.2f} times its S_q: {cause}"
 
 
+@lines
 def _form(stats: SurfaceStatistics) -> Iterator[str]:
     """A direction that isotropic surfaces lack, and a bow or bend that was not removed."""
     if stats.anisotropy > DIRECTED and stats.spectrum.lay is None:
         grooves = np.degrees(stats.direction) % 180.0 - 90.0
-        yield (
-            f"the scan has a direction: grooves at {grooves:.0f} deg from its x axis, anisotropy"
-            f" {stats.anisotropy:.2f}; the artificial surfaces have none: write surface.spectrum ="
-            ' "directional"'
-        )
+        yield f"""the scan has a direction: grooves at {grooves:.0f} deg from its x axis, anisotropy
+            {stats.anisotropy:.2f}; the artificial surfaces have none: write surface.spectrum =
+            "directional" """
     if stats.level != "second-order" and stats.curvature > FORM:
-        yield (
-            f"level = {stats.level!r} leaves a bow or bend with {stats.curvature:.0%} of the"
-            " variance of the scan, which is form and not roughness: remove it with"
-            ' surface.level = "second-order"'
-        )
+        yield f"""level = {stats.level!r} leaves a bow or bend with {stats.curvature:.0%} of the
+            variance of the scan, which is form and not roughness: remove it with surface.level =
+            "second-order" """
 
 
 def worst_octave(psd: RadialPsd, fit: BiFractal) -> tuple[float, float]:

@@ -2,24 +2,30 @@
 
 The measured spectrum is the fit times its misfit, which is held beyond the reliable band. Both are
 thus continued alike: as power laws, or constant below the band.
-"""
 
-from __future__ import annotations
+Direction of a surface: how the density of each wave number is spread over the angles.
+
+The radial mean of the spectrum is measured by ``psd.radial_psd``; here is the factor that makes a
+two-dimensional spectrum of it, of mean 1 over the angles. It is the density of each wave vector
+over that of its ring, smoothed: over wave numbers by about a fifth, over angles by half a step of
+the scan's grid of wave vectors, its resolution, and never by less than a degree.
+"""
 
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d, map_coordinates
 from scipy.optimize import brentq, least_squares
 
 from brake_fenicsx.arguments import Array, one_of
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface.lay import Lay, lay_of
 from brake_fenicsx.surface.psd import (
     RadialPsd,
     half_plane_weights,
     of_equal_length,
+    psd_2d,
     seen_in_scans,
     wave_vectors,
 )
@@ -31,7 +37,66 @@ MODEL = 0.01  # variance of ln C that a ring has beyond its scatter
 SMOOTH = 0.07  # standard deviation over ln q of the weights of rings: nearly one ring
 WINDOW = 0.3  # and over q, in grid steps: half the width of the transform of a scan's area
 ITERATIONS = 12
+ANGLES = 360  # over half a turn
+SPACING, BLUR = 0.2, 0.2  # of the rings over ln q, and standard deviation of their weights
+ACROSS, LEAST = 0.5, np.radians(1.0)  # standard deviation over angles, in steps of q and in radians
 MOST = 5.0  # change of ln C of the waves longer than the reliable band
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lay:
+    """Density at a wave vector over the radial mean.
+
+    Attributes:
+        q: wave numbers of rings [rad/m], evenly spaced in ln q, shape (n,).
+        share: factor at the middles of angles between 0 and pi; first the last of them once more,
+            and at the end the first, shape (n, 362).
+        turn: angle by which the surface is turned from the scan [rad].
+    """
+
+    q: Array
+    share: Array
+    turn: float = 0.0
+
+    def __call__(self, qx: Array, qy: Array) -> Array:
+        """Factor [-] at wave vectors [rad/m]; beyond the rings that of the first or the last."""
+        q = np.maximum(np.hypot(qx, qy), 1e-300)
+        angle = np.mod(np.arctan2(qy, qx + 0.0 * qy) - self.turn, np.pi)
+        ring = np.log(q / self.q[0]) / SPACING
+        at = [np.clip(ring, 0.0, len(self.q) - 1.0), angle * (ANGLES / np.pi) + 0.5]
+        return np.asarray(map_coordinates(self.share, at, order=1, mode="nearest"))
+
+
+def lay_of(scans: Scans, highest: float) -> Lay:
+    """How the variance of levelled scans is spread over directions.
+
+    Args:
+        scans: levelled scan, or several.
+        highest: wave number up to which they show the surface [rad/m].
+    """
+    C, topo = psd_2d(scans), first(scans)
+    qx, qy = wave_vectors(topo.shape, topo.size)
+    step = 2.0 * np.pi / float(topo.size.min())
+    q, angle = np.hypot(qx, qy), np.mod(np.arctan2(qy, qx + 0.0 * qy), np.pi)
+    weights = np.broadcast_to(half_plane_weights(topo.shape), q.shape)
+    used = (q > 0.5 * step) & (q < 1.2 * highest)
+    q, angle, C, weights = q[used], angle[used], C[used], weights[used]
+    ring = np.rint(q / step).astype(int)
+    mean = np.bincount(ring, weights * C) / np.maximum(np.bincount(ring, weights), 1e-300)
+    relative = C / mean[ring]
+    place = np.minimum((angle * (ANGLES / np.pi)).astype(int), ANGLES - 1)
+    rings = step * np.exp(np.arange(0.0, max(np.log(highest / step), SPACING), SPACING))
+    rows = []
+    for middle in rings:
+        near = np.hypot(BLUR, ACROSS * step / middle)
+        w = weights * np.exp(-0.5 * (np.log(q / middle) / near) ** 2)
+        sums = np.stack([np.bincount(place, x, ANGLES) for x in (w * relative, w)])
+        width = max(ACROSS * step / middle, LEAST) * ANGLES / np.pi
+        power, count = gaussian_filter1d(sums, width, axis=1, mode="wrap", truncate=6.0)
+        share = power / np.maximum(count, 1e-12 * count.max())
+        rows.append(share / share.mean())
+    table = np.array(rows)
+    return Lay(rings, np.pad(table, ((0, 0), (1, 1)), mode="wrap"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +126,7 @@ class BiFractal:
     errors: tuple[float, float, float, float] = field(default=(np.nan,) * 4, compare=False)
     rms: float = field(default=np.nan, compare=False)
     misfit: tuple[tuple[float, ...], tuple[float, ...]] | None = None
-    form: BiFractal | None = None
+    form: "BiFractal | None" = None
     lay: Lay | None = None
 
     def __call__(self, q: Array, low: str = "extend") -> Array:
@@ -208,10 +273,9 @@ def fit_bifractal(psd: RadialPsd) -> BiFractal:
     """
     use = psd.reliable
     if use.sum() < 6:
-        raise SurfaceError(
-            f"bi-fractal fit: {use.sum()} rings between {psd.band[0]:.3g} and {psd.band[1]:.3g} "
-            "rad/m, at least 6 are needed; scan a larger area or give 'statistics'"
-        )
+        raise SurfaceError(f"""bi-fractal fit: {use.sum()} rings between {psd.band[0]:.3g} and
+            {psd.band[1]:.3g} rad/m, at least 6 are needed; scan a larger area or give
+            'statistics'""")
     scatter = psd.scatter[use]
     x, y = np.log(psd.q[use]), np.log(psd.C[use]) + 0.5 * scatter
     missed = MODEL

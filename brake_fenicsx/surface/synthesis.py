@@ -16,12 +16,20 @@ each other as the spectrum says, so that the highest summit converges with the n
 Reference: M. Grigoriu, J. Eng. Mech. 124 (1998) 121,
 doi:10.1061/(ASCE)0733-9399(1998)124:2(121); M. D. Shields, G. Deodatis, P. Bocchini, Prob. Eng.
 Mech. 26 (2011) 511, doi:10.1016/j.probengmech.2011.04.003 (iteration on the spectrum).
+
+Statistics of a surface as another scan of it would give them.
+
+The other scan is a cut of an artificial surface of the same statistics, twice as long as the scan:
+it has the scatter of long waves and of few summits, and is levelled and described like the scan
+(parametric bootstrap). Tiles of the scan drawn with replacement, the block bootstrap, scatter half
+as much as scans do: a scan holds few of its own longest waves.
+
+Reference: B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap (1993), section 6.5,
+doi:10.1201/9780429246593.
 """
 
-from __future__ import annotations
-
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,10 +38,12 @@ from scipy.special import ndtr
 
 from brake_fenicsx.arguments import Array, one_of
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface.hdf import HeightDistribution
+from brake_fenicsx.surface.hdf import HeightDistribution, moments, pooled
 from brake_fenicsx.surface.psd import Density, half_plane_weights, wave_numbers, wave_vectors
+from brake_fenicsx.surface.record import SurfaceStatistics
 from brake_fenicsx.surface.spectrum import LOW, BiFractal
-from brake_fenicsx.surface.topography import SynthesisRecord, Topography
+from brake_fenicsx.surface.statistics import described
+from brake_fenicsx.surface.topography import SynthesisRecord, Topography, form
 
 _polynomial: Any = np.polynomial.polynomial
 TERMS = 40  # Hermite polynomials; a Johnson distribution of kurtosis 10 needs about 20
@@ -212,11 +222,10 @@ def _family(
     powers, variance, low_share = _powers(psd, shape, np.array(size), low)
     field = translation_field(powers * (1.0 / variance), hdf, shape, np.array(size))
     if not abs(field.slope_ratio - 1.0) < WRONG:
-        raise SurfaceError(
-            f"artificial surfaces of {shape[0]} x {shape[1]} pixels have {field.slope_ratio:.3g}"
-            " times the rms slope of the spectrum: no surface has these heights and this spectrum;"
-            " check the scan for steps and noise, or choose another 'distribution'"
-        )
+        raise SurfaceError(f"""artificial surfaces of {shape[0]} x {shape[1]} pixels have
+            {field.slope_ratio:.3g} times the rms slope of the spectrum: no surface has these
+            heights and this spectrum; check the scan for steps and noise, or choose another
+            'distribution'""")
     return variance, low_share, field
 
 
@@ -233,10 +242,8 @@ def _powers(
     weighted = half_plane_weights(shape) * powers
     variance = float(weighted.sum())
     if not 0.0 < variance < np.inf:
-        raise SurfaceError(
-            f"the variance of the PSD on this grid is {variance:.3g} m^2; a rough surface needs"
-            " some roughness, and a finite one"
-        )
+        raise SurfaceError(f"""the variance of the PSD on this grid is {variance:.3g} m^2; a rough
+            surface needs some roughness, and a finite one""")
     below = float(weighted[q < lo * (1.0 - 1e-12)].sum()) / variance
     return powers, variance, below
 
@@ -257,3 +264,50 @@ def _doubts(record: SynthesisRecord) -> tuple[str, ...]:
             f" patches{flat}"
         )
     return tuple(f"artificial surface: {text}" for text in found)
+
+
+def resampled(stats: SurfaceStatistics, rng: np.random.Generator) -> SurfaceStatistics:
+    """Statistics of as many other scans as they were taken from, without errors and doubts.
+
+    Args:
+        stats: statistics of scans.
+        rng: random numbers of the draw.
+
+    Raises:
+        SurfaceError: the statistics were given by numbers alone.
+    """
+    if stats.psd is None or not stats.topographies:
+        raise SurfaceError("statistics given by numbers have no scan that could be drawn anew")
+    kind = "fit" if stats.spectrum.misfit is None else "measured"
+    kind = kind if stats.spectrum.lay is None else "directional"
+    scans = []
+    for one in stats.each:
+        scan = _other(stats, one, rng)
+        heights = scan.heights - form(scan, stats.level)
+        scans.append(replace(scan, heights=heights - np.nanmean(heights)))
+    heights = pooled([scan.heights for scan in scans])
+    cutoff, no_errors = 2.0 * np.pi / stats.psd.band[1], (np.nan,) * 4
+    found = described(scans, stats.level, cutoff, stats.hdf.name, kind)
+    found["spectrum"] = replace(found["spectrum"], form=stats.spectrum.form)
+    mean, S_q, S_sk, S_ku = moments(heights)
+    return SurfaceStatistics(
+        mean, float(np.median(heights)), S_q, S_sk, S_ku, no_errors, **found, level=stats.level
+    )
+
+
+def _other(
+    stats: SurfaceStatistics, one: SurfaceStatistics, rng: np.random.Generator
+) -> Topography:
+    """A scan of the size, the pixels and the missing points of another.
+
+    Where the deepest points were missing the surface has flat valleys, and none is missing.
+    """
+    scan = one.topographies[0]
+    (nx, ny), times = scan.shape, 1 if scan.periodic else 2
+    size = times * scan.size
+    whole = synthesise(
+        stats.spectrum, stats.hdf, (times * nx, times * ny), (size[0], size[1]), rng, "extend"
+    )
+    shown = scan.valid | (one.lost == "deepest")
+    heights = np.where(shown, whole.heights[:nx, :ny], np.nan)
+    return replace(scan, heights=heights, source=f"{scan.source}, drawn anew")

@@ -7,8 +7,6 @@ The delimiters that pandas 2.3 finds are wrong in 5 of 10 such tables: it splits
 a letter of its heading, and takes decimal commas for text.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from functools import partial
@@ -94,10 +92,8 @@ def read_table(file: Path) -> HeightTable:
         comma = next((c for c in row if _COMMA.fullmatch(c)), None)
         mixed = delimiter == "," and re.search(r"\d,\d.*,\s", lines[number - 1])
         if comma is not None or mixed:
-            raise SurfaceError(
-                f"{file}: line {number}: decimal commas, as in {comma or lines[number - 1][:20]};"
-                " export the numbers with decimal points"
-            )
+            raise SurfaceError(f"""{file}: line {number}: decimal commas, as in
+                {comma or lines[number - 1][:20]}; export the numbers with decimal points""")
     if start is None:
         raise SurfaceError(f"{file}: no table of numbers; {ACCEPTED}")
     values = np.array([np.array(_row(file, i, cells(i), width)) for i in rows[start:]])
@@ -110,11 +106,9 @@ def read_table(file: Path) -> HeightTable:
         ("row", values[0], values[1:2].ravel()),
     ):
         if _counts(edge) and not _counts(beside):
-            raise SurfaceError(
-                f"{file}: the first {name} counts {edge[-3]:g}, {edge[-2]:g}, {edge[-1]:g}: no"
-                " heights, but numbers of rows or columns; export the heights alone (pandas:"
-                " index=False, header=False)"
-            )
+            raise SurfaceError(f"""{file}: the first {name} counts {edge[-3]:g}, {edge[-2]:g},
+                {edge[-1]:g}: no heights, but numbers of rows or columns; export the heights alone
+                (pandas: index=False, header=False)""")
     return _with_header(values, [lines[i - 1] for i in rows[:start]])
 
 
@@ -196,10 +190,8 @@ def _grid(file: Path, values: Array) -> tuple[Array, Array]:
         unique, place = np.unique(column, return_inverse=True)
         steps = np.diff(unique)
         if unique.size < 2 or steps.max() > (1 + _EVEN) * steps.mean():
-            raise SurfaceError(
-                f"{file}: three columns, and {unique.size} different {name} in the first two that"
-                f" lie on no regular grid; {ACCEPTED}"
-            )
+            raise SurfaceError(f"""{file}: three columns, and {unique.size} different {name} in the
+                first two that lie on no regular grid; {ACCEPTED}""")
         places.append(place)
         lengths.append(float(steps.mean()) * unique.size)
     shape = int(places[0].max()) + 1, int(places[1].max()) + 1

@@ -11,8 +11,6 @@ the sum is too low, by 15 % at half of it.
 Reference: E. Vanmarcke, Random Fields (1983), chapter 5 (local averages).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,13 +69,11 @@ class Waviness:
     def _grid(self, extent: tuple[float, float] | Array) -> tuple[tuple[int, int], Array]:
         """Points and lengths of a periodic field twice as long as the face."""
         step = self.patch / PER_PATCH
-        counts = [scipy.fft.next_fast_len(int(np.ceil(2.0 * e / step)) + PER_PATCH, real=True)
-                  for e in extent]  # fmt: skip
+        least = [int(np.ceil(2.0 * e / step)) + PER_PATCH for e in extent]
+        counts = [scipy.fft.next_fast_len(n, real=True) for n in least]
         if max(counts) > MOST:
-            raise SurfaceError(
-                f"waviness: a face of {1e3 * float(max(extent)):.3g} mm has too many patches of"
-                f" {1e3 * self.patch:.3g} mm; make the patches larger"
-            )
+            raise SurfaceError(f"""waviness: a face of {1e3 * float(max(extent)):.3g} mm has too
+                many patches of {1e3 * self.patch:.3g} mm; make the patches larger""")
         return (counts[0], counts[1]), step * np.array(counts)
 
     def _powers(self, shape: tuple[int, int], size: Array) -> Array:

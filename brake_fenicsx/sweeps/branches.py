@@ -6,8 +6,6 @@ is not certain even then is cut, and the branch says so. A merging is passed by 
 pair. After it the branch of the lower frequency takes the growing mode: a convention.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Modes followed over a scalar: as an object of Python, and as arrays to store."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
@@ -59,10 +57,8 @@ class Branches(Shown):
         """One row for each branch at each value where it is in the band."""
         branch, at = np.nonzero(np.isfinite(self.frequency))
         f, damping = self.frequency[branch, at], self.damping[branch, at]
-        return {
-            "branch": branch, "value": self.values[at], "frequency_hz": f, "damping": damping,
-            "real_1_s": -np.pi * f * damping,
-        }  # fmt: skip
+        place = {"branch": branch, "value": self.values[at]}
+        return {**place, "frequency_hz": f, "damping": damping, "real_1_s": -np.pi * f * damping}
 
     def _draw(self, *axes: Any) -> None:
         """Frequency and damping over the scalar; branches that squeal are coloured."""
@@ -118,7 +114,7 @@ class StoredLine:
     stopped: str
 
     @classmethod
-    def of(cls, data: Mapping[str, Any]) -> StoredLine:
+    def of(cls, data: Mapping[str, Any]) -> "StoredLine":
         """From what ``line_arrays`` made."""
         arrays = {f.name: data[f.name] for f in fields(cls)}
         return cls(**arrays | {"stopped": str(data["stopped"])})

@@ -1,7 +1,5 @@
 """Which modes of one value of the parameter continue those of the value before."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations

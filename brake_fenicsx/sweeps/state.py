@@ -9,8 +9,6 @@ bound, and that of the pair stays analytic (T. Kato, Perturbation Theory for Lin
 chapter II).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -57,7 +55,7 @@ class State:
     open: bytes = b""
 
     @classmethod
-    def of(cls, x: float, modes: Modes, k: Array | None = None) -> State:
+    def of(cls, x: float, modes: Modes, k: Array | None = None) -> "State":
         """The oscillating ones of some modes; rigid modes and divergence belong to no branch.
 
         Args:
@@ -91,7 +89,7 @@ class State:
         apart = np.abs(self.s[:, None] + self.s[None, :].conj()).min(axis=1, initial=np.inf)
         return bool(np.all(apart <= 1e-9 * np.abs(self.s)))
 
-    def turned(self, group: Sequence[int], other: State, theirs: Sequence[int]) -> State:
+    def turned(self, group: Sequence[int], other: "State", theirs: Sequence[int]) -> "State":
         """This state with the vectors of equal eigenvalues turned to those of another state.
 
         Args:

@@ -5,8 +5,6 @@ from a quarter of the values, and between them where modes meet, since what is a
 where each family begins to squeal.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -91,19 +89,16 @@ class SweepStudy:
 
     def _say(self, facts: dict[str, Any]) -> None:
         """What came out, and what is left open."""
-        logger.info(
-            "sweep: %s, modes at %s, %s (coalescence, lock-in)", several(facts["lines"], "line"),
-            several(facts["points"], "value"), several(facts["mergings"], "merging"),
-        )  # fmt: skip
+        counts = {"lines": "line", "points": "value", "mergings": "merging"}
+        done = (several(facts[name], word) for name, word in counts.items())
+        logger.info("sweep: %s, modes at %s, %s (coalescence, lock-in)", *done)
         if critical := facts.get("critical_value_any_family"):
             ends = (critical[name] for name in ("median", "low", "high"))
             numbers = ["beyond the sweep" if v is None else f"{v:.4g}" for v in ends]
             said = "median {}, 95 % interval from {} to {}".format(*numbers)
             said = said if critical["samples"] > 1 else f"value {numbers[0]}"
-            logger.info(
-                "%s at which a sample begins to squeal (SI): %d of %d samples do; %s",
-                self.key, critical["squeal_samples"], critical["samples"], said,
-            )  # fmt: skip
+            text = "%s at which a sample begins to squeal (SI): %d of %d samples do; %s"
+            logger.info(text, self.key, critical["squeal_samples"], critical["samples"], said)
         for key, one, more, why in (
             ("failed_lines", "line", "lines", "failed; see the log"),
             ("lines_without_equilibrium", "line ends", "lines end", "without an equilibrium"),

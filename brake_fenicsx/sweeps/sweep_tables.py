@@ -7,8 +7,6 @@ critical.csv        value at which each family begins to squeal, over the sample
 critical_curve.csv  share of samples in which it squeals by each value
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,8 +21,7 @@ from brake_fenicsx.results.squeal import squeals
 from brake_fenicsx.results.tables import Row, RowTable
 from brake_fenicsx.scene.scalars import si_unit
 
-from .critical import Critical, critical_values
-from .events import FROM_FIRST, MERGING, ONSET
+from .events import FROM_FIRST, MERGING, ONSET, Critical, critical_values
 from .followed import StoredLine
 from .sweep_study import SweepStudy, cut_branches
 
@@ -285,8 +282,7 @@ class SweepTables:
         if critical:
             # JSON has no infinity, the value of a median beyond the sweep.
             median, low, high = (v if np.isfinite(v) else None for v in critical[0].quantile(0.5))
-            facts["critical_value_any_family"] = {
-                "median": median, "low": low, "high": high,
-                "samples": critical[0].values.size, "squeal_samples": critical[0].reached,
-            }  # fmt: skip
+            about = {"median": median, "low": low, "high": high}
+            counts = {"samples": critical[0].values.size, "squeal_samples": critical[0].reached}
+            facts["critical_value_any_family"] = {**about, **counts}
         return facts

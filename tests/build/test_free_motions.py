@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import asdict, replace
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -17,9 +16,9 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.rawmesh import FACETS
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
+from places import BLOCK, SCENES
+from small_meshes import HELD, SCENE
 
-SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
-BLOCK = SCENES / "block_on_plate.toml"
 COARSE = ["stages=['equilibrium']", "parts.block.size='20 mm'", "parts.plate.size='30 mm'"]
 CAP = [
     'parts.cap={ builder="block", length="40 mm", width="20 mm", height="8 mm", z="20 mm",'
@@ -165,32 +164,6 @@ def test_check_and_run_refuse_before_anything_is_written(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-DECK = """
-stages = ["equilibrium"]
-[mesh]
-file = "deck.inp"
-unit = "mm"
-[mesh.groups]
-pad_body = "block.body"
-plate_body = "plate.body"
-pad_bottom = "block.bottom"
-pad_top = "block.top"
-plate_top = "plate.top"
-plate_bottom = "plate.bottom"
-[parts]
-block = { material = "iron" }
-plate = { material = "iron" }
-[materials]
-iron = { model = "isotropic", E = "125 GPa", nu = 0.24, rho = "7200 kg/m^3" }
-[contact.both]
-faces = ["block.bottom", "plate.top"]
-law = { linear = "1e12 Pa/m" }
-[loads]
-"block.top" = { pressure = "5 bar" }
-"""
-HELD = '[supports]\n"plate.bottom" = "clamped"\n"block.top" = ["x", "y"]\n'
-
-
 @pytest.fixture
 def deck(tmp_path):
     """Writes a deck and its scene."""
@@ -199,7 +172,7 @@ def deck(tmp_path):
         write_abaqus(mesh, tmp_path / "deck.inp")
         with (tmp_path / "deck.inp").open("a") as file:
             file.write(keywords)
-        (tmp_path / "scene.toml").write_text(DECK + more)
+        (tmp_path / "scene.toml").write_text(SCENE.replace("own.msh", "deck.inp") + more)
         return tmp_path / "scene.toml"
 
     return write

@@ -1,7 +1,6 @@
 """Masses, extents, areas and gaps to compare with another model, and what looks misplaced."""
 
 import json
-from pathlib import Path
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -21,8 +20,8 @@ from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.meshing.quality import volumes
 from brake_fenicsx.meshing.rawmesh import RawMesh, exterior_facets, joined
 from brake_fenicsx.scene import read_scene
+from places import BLOCK
 
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = ["stages=['equilibrium']", "parts.block.size='14 mm'", "parts.plate.size='20 mm'"]
 
 

@@ -1,7 +1,5 @@
 """Materials of a scene: engineering constants and stiffnesses, axes of parts, loss, refusals."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,17 +9,11 @@ from brake_fenicsx.macro.material import (
     Material,
     engineering_constants,
     isotropic,
-    orthotropic,
     rotate_about_z,
-    transversely_isotropic,
 )
 from brake_fenicsx.scene import MaterialTable, read_scene
-
-SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
-LINING = transversely_isotropic(5.94e9, 0.76e9, 0.98e9, 2.27e9, 1.18e9)
-ORTHOTROPIC = orthotropic(
-    np.array([9e9, 5e9, 2e9]), np.array([0.2, 0.35, 0.3]), np.array([0.9e9, 1.3e9, 2.1e9])
-)
+from materials import LINING, ORTHOTROPIC
+from places import SCENES
 
 
 def of(model, **constants):

@@ -1,7 +1,6 @@
 """What a scene says of its surface: pixels, distribution, spectrum, a second scan, hardness."""
 
 from dataclasses import replace
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -19,8 +18,8 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import laws_key, result_digest
 from brake_fenicsx.surface import given_statistics, synthesise
 from brake_fenicsx.surface.psd import wave_numbers
+from places import SCENES
 
-SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
 TEXT = """
 stages = ["surface", "micro"]

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.extras.limit_cycle.contact_forces import PeriodForces
 from brake_fenicsx.extras.limit_cycle.growth import follow
-from brake_fenicsx.extras.limit_cycle.harmonic_balance import HarmonicBalance
+from brake_fenicsx.extras.limit_cycle.harmonic_balance import HarmonicBalance, PeriodForces
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.macro.sliding_friction import SlidingFriction
 from brake_fenicsx.micro import LawSteps, OneLaw, exponential_law, join_laws, make_library

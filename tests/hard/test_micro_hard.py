@@ -316,9 +316,8 @@ def test_arguments_without_meaning_are_named(name, value):
     if name == "separation":
         given.pop("load")
     given[name] = (value, SIZE[1]) if name == "size" else value
-    with pytest.raises(SceneError, match=f"{name}.* = |'{name}'") as error:
+    with pytest.raises(SceneError, match=f"{name}.* = |'{name}'"):
         solve_contact(rough().heights, **given)
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("boundary", ["free", "periodic"])

@@ -12,7 +12,7 @@ from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.macro.elasticity import affine_parts, layer_masses
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import complex_modes, contact_interface
-from brake_fenicsx.stability.participation import energy_shares
+from brake_fenicsx.stability.modes import energy_shares
 from coarse_block import SCENES
 from dense_reference import all_kappa, undamped
 from tables import turns

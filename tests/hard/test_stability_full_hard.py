@@ -1,7 +1,5 @@
 """Hard cases of the full order: each gives a correct result or an error message."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -15,12 +13,12 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.stability import complex_modes, contact_interface
 from brake_fenicsx.stability.full import dense as small
 from dense_reference import all_damped
+from places import SQUEALING
 
 pytestmark = pytest.mark.hard
 
 TWO_PI = 2 * np.pi
 BAND = (0.0, 90e3)
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "squealing_block.toml"
 
 
 def grid(n, m, stiff=1.0, coupling=1.0):
@@ -83,7 +81,7 @@ def test_thin_layer_that_slides_on_stiff_contact_is_counted(mu):
         "parts.block.height='6 mm'", "parts.block.size='6 mm'",
         "stability.band=['0 Hz', '30 kHz']",
     ]  # fmt: skip
-    modes = prepare(BLOCK, changes).modes()
+    modes = prepare(SQUEALING, changes).modes()
     assert "winding number" in modes.count.how and modes.count.kind == "proven"
 
 

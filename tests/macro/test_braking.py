@@ -1,7 +1,6 @@
 """The public equilibrium: one law, a list, a library; its displacement solves the full system."""
 
 import re
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -13,8 +12,7 @@ from brake_fenicsx.macro import equilibrium
 from brake_fenicsx.macro.condensation import compliance
 from brake_fenicsx.micro import exponential_law, linear_law
 from brake_fenicsx.pipeline import assemble
-
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
+from places import BLOCK
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """Elements of first order, with consistent and lumped mass."""
 
-from pathlib import Path
-
 from mpi4py import MPI
 
 import numpy as np
@@ -12,8 +10,8 @@ from brake_fenicsx import prepare
 from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene
+from places import BLOCK
 
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 HELD = 'supports."block.bottom"="clamped"'
 
 

@@ -1,7 +1,6 @@
 """Forces and moments on faces and sets of nodes: totals, closed forms, samples, mistakes."""
 
 import json
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -14,8 +13,8 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.scene import read_scene
+from places import BLOCK
 
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = ["parts.block.size='10 mm'", "parts.plate.size='20 mm'",
           'contact.block_plate.law={ linear="1e12 Pa/m" }']  # fmt: skip
 

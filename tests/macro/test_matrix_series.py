@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from brake_fenicsx.macro.matrix_series import matrix_series, products
+from brake_fenicsx.macro.stretching import matrix_series, products
 
 
 def summed(found, x):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from brake_fenicsx.macro.contact_elements import Contact
-from brake_fenicsx.macro.resultants import pad_forces
+from brake_fenicsx.macro.contact_elements import Contact, pad_forces
 from brake_fenicsx.macro.sliding_friction import Rotation, Translation, slip_frame
 
 INNER, OUTER, HALF = 96e-3, 140e-3, np.pi / 6

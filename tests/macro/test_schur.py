@@ -5,8 +5,8 @@ import pytest
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.macro import schur
-from brake_fenicsx.macro.schur import InterfaceFactor
+from brake_fenicsx.macro import solver
+from brake_fenicsx.macro.solver import InterfaceFactor
 
 ROWS, SIDE = 40, 8
 
@@ -27,7 +27,7 @@ def system(symmetric):
 @pytest.mark.parametrize("symmetric", [True, False])
 def test_flexibility_and_solves(symmetric, available, monkeypatch):
     """By the Schur complement and by blocks of solves; P^-1 and P^-T of other columns."""
-    monkeypatch.setattr(schur, "AVAILABLE", available and schur.AVAILABLE)
+    monkeypatch.setattr(solver, "AVAILABLE", available and solver.AVAILABLE)
     P, B = system(symmetric)
     factor, inverse = InterfaceFactor(P, B, symmetric), np.linalg.inv(P.toarray())
     b = np.random.default_rng(1).standard_normal((P.shape[0], 3))
@@ -42,7 +42,7 @@ def test_flexibility_and_solves(symmetric, available, monkeypatch):
 
 def test_this_library_has_the_schur_complement():
     """Catches a name that the library lacks, where blocks of solves took its place in silence."""
-    assert schur.AVAILABLE
+    assert solver.AVAILABLE
 
 
 def test_no_row():

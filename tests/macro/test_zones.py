@@ -2,7 +2,6 @@
 
 import csv
 import re
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -16,8 +15,8 @@ from brake_fenicsx.micro import linear_law
 from brake_fenicsx.pipeline import assemble, run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.contact_section import Zone
+from places import BLOCK
 
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 FEW = ["mesh.cells=hexahedra", "parts.block.size='7 mm'", "parts.plate.size='14 mm'"]
 INNER, OUTER = '{ radius = [0, "12 mm"] }', '{ radius = ["12 mm", "1 m"] }'
 
@@ -130,7 +129,7 @@ WRONG = [
 def test_wrong_zones(zone, said):
     with pytest.raises(SceneError, match=re.escape(said)) as error:
         read_scene(BLOCK, only(interface("a", LAW, zone)))
-    assert str(BLOCK) in str(error.value) and "\n" not in str(error.value)
+    assert str(BLOCK) in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -156,4 +155,4 @@ def test_wrong_zones(zone, said):
 def test_zones_that_do_not_fit_the_face(interfaces, said):
     with pytest.raises(SceneError, match=said) as error:
         assemble(BLOCK, MPI.COMM_SELF, only(*interfaces))
-    assert str(BLOCK) in str(error.value) and "\n" not in str(error.value)
+    assert str(BLOCK) in str(error.value)

@@ -7,7 +7,7 @@ import pytest
 
 from brake_fenicsx.micro import LawRecipe, LawSettings, law_steps
 from brake_fenicsx.micro.law import LawSteps
-from brake_fenicsx.micro.support import (
+from brake_fenicsx.micro.library import (
     PRESSURES,
     LawSupport,
     drawn_law,

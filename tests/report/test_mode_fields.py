@@ -1,7 +1,6 @@
 """Which displacements are drawn as the modes of a sample, and the nodal diameters of rings."""
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -21,10 +20,10 @@ from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.modes import Modes
+from places import BLOCK
 from run_tables import mode, read_run
 
 COMM = MPI.COMM_SELF
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = [
     "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",

@@ -10,8 +10,7 @@ from brake_fenicsx.build.changes import assemble_changes
 from brake_fenicsx.build.material_table import stiffness
 from brake_fenicsx.build.parametric import parametric_brake
 from brake_fenicsx.macro.condensation import compliance
-from brake_fenicsx.macro.equilibrium import equilibrium
-from brake_fenicsx.macro.equilibrium_change import BodyOperators, corrected_equilibrium
+from brake_fenicsx.macro.equilibrium import BodyOperators, corrected_equilibrium, equilibrium
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.samples.random_inputs import draw_inputs
 from brake_fenicsx.samples.sampling import Roughness, draw_sample

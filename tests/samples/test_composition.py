@@ -1,7 +1,6 @@
 """What a mode is made of, in the tables: flutter partners, and shares of the layers."""
 
 import csv
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -9,8 +8,8 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.pipeline import run
+from places import DEMO
 
-SCENE = Path(__file__).parents[2] / "scripts" / "scenes" / "disc_brake_demo.toml"
 MU = "samples.random.\"contact.pad_disc.friction\"={ law='uniform', min=0.8, max=1.0 }"
 SMALL = [
     "stages=['equilibrium','stability','uncertainty']", "contact.pad_disc.gap=none",
@@ -25,7 +24,7 @@ LAYERS = ["disc.body", "pad.lining", "pad.plate", "pad.shim"]
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("run")
-    run(SCENE, MPI.COMM_SELF, out, SMALL)
+    run(DEMO, MPI.COMM_SELF, out, SMALL)
     return out
 
 
@@ -66,7 +65,7 @@ def test_a_damped_sample_names_its_partner(folder, tmp_path):
     """Little damping: the pairs of the undamped sample, though their eigenvalues are no mirror."""
     damping = "stability.damping={ loss=true, omega_ref='2 kHz' }"
     little = [damping, "materials.lining.loss=1e-3", "stability.verify=0"]
-    run(SCENE, MPI.COMM_SELF, tmp_path / "out", [*SMALL, *little])
+    run(DEMO, MPI.COMM_SELF, tmp_path / "out", [*SMALL, *little])
     one, other = (
         np.load(f / "samples" / "multi-scale-00000.npz") for f in (folder, tmp_path / "out")
     )

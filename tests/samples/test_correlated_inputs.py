@@ -1,7 +1,5 @@
 """Correlated random inputs: moments of the drawn samples, and what check refuses."""
 
-from pathlib import Path
-
 from mpi4py import MPI
 
 import numpy as np
@@ -16,8 +14,8 @@ from brake_fenicsx.samples.designs import correlated, correlation_root
 from brake_fenicsx.samples.random_inputs import draw_inputs, points_of
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.samples_section import Distribution, Samples
+from places import SQUEALING
 
-SCENE = Path(__file__).parents[2] / "scripts" / "scenes" / "squealing_block.toml"
 C33, C44 = (f"materials.lining.{name}" for name in ("C33", "C44"))
 FRICTION = "contact.block_plate.friction"
 LAW = "law = 'lognormal', mean = '{} GPa', sd = '{} GPa'"
@@ -40,7 +38,7 @@ def changes(r=0.7, other=0.0, design="random"):
 def test_moments_of_drawn_samples(design):
     """Means and deviations of each law stay; the logarithms have the correlation."""
     n = 4000
-    scene = read_scene(SCENE, [*changes(design=design), f"samples.n={n}"])
+    scene = read_scene(SQUEALING, [*changes(design=design), f"samples.n={n}"])
     rng, points = np.random.default_rng(3), points_of(scene, "multi-scale")
     drawn = [draw_inputs(scene, "multi-scale", None if points is None else points[k], rng)[0]
              for k in range(n)]  # fmt: skip
@@ -62,13 +60,13 @@ def test_moments_of_drawn_samples(design):
 )
 def test_check_refuses_correlations_of_no_inputs(words, said, capsys):
     given = [w for change in changes(**words) for w in ("--set", change)]
-    assert main(["check", str(SCENE), *given, "--set", "samples.n=100"]) == 2
+    assert main(["check", str(SQUEALING), *given, "--set", "samples.n=100"]) == 2
     assert said in capsys.readouterr().err
 
 
 def test_correlation_with_no_input_is_refused(capsys):
     given = [c.replace("C44' = 0.7", "C66' = 0.7") for c in changes()]
-    assert main(["check", str(SCENE), *(w for c in given for w in ("--set", c))]) == 2
+    assert main(["check", str(SQUEALING), *(w for c in given for w in ("--set", c))]) == 2
     assert 'C66": is no random input' in capsys.readouterr().err
 
 

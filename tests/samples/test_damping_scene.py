@@ -14,7 +14,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.approaches import active_terms
+from brake_fenicsx.scene.scene import active_terms
 from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.eigen import tangent

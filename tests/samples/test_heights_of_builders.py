@@ -1,7 +1,5 @@
 """Lengths of builders that move planes along z: against closed forms and scenes meshed anew."""
 
-from pathlib import Path
-
 from mpi4py import MPI
 
 import numpy as np
@@ -15,8 +13,8 @@ from brake_fenicsx.build.interfaces import interface_elements
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene
 from full_order import agrees, at_full_order
+from places import VENTED
 
-VENTED = Path(__file__).parents[2] / "scripts" / "scenes" / "vented_brake.toml"
 SETS = [
     "stages=['equilibrium','stability']", "samples={ approaches=['multi-scale'] }",
     "stability.method=reduced",

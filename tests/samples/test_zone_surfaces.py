@@ -139,9 +139,9 @@ def test_a_run_of_two_surfaces(both, tmp_path):
     ],
 )
 def test_mistakes_name_the_zone_and_nothing_is_written(own, said, tmp_path):
-    with pytest.raises(SceneError, match=said) as error:
+    with pytest.raises(SceneError, match=said):
         run(BLOCK, MPI.COMM_SELF, tmp_path / "out", scene(NEW, own))
-    assert "\n" not in str(error.value) and not (tmp_path / "out").exists()
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_surface_of_which_nothing_is_made_is_refused():

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import layer_masses
 from brake_fenicsx.stability import ContactLinearisation, Reduced, complex_modes
-from brake_fenicsx.stability.participation import (
+from brake_fenicsx.stability.modes import (
     damped_partners,
     energy_shares,
     flutter_partners,

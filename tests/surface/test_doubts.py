@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.surface import characterise, given_statistics, make_topography, synthesise
-from brake_fenicsx.surface.doubts import implausible, where_missing
+from brake_fenicsx.surface.topography import implausible, where_missing
 
 HEIGHTS = 1e-6 * np.random.default_rng(0).standard_normal((12, 9))
 SIZE = (1.2e-3, 0.9e-3)

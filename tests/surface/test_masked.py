@@ -11,10 +11,10 @@ from scipy.ndimage import gaussian_filter
 from brake_fenicsx.micro import LawRecipe, LawSettings, make_library
 from brake_fenicsx.surface import characterise, given_statistics, make_topography, read_topography
 from brake_fenicsx.surface.topography import fill
+from places import PAD
 
 PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
 SCANS = os.environ.get("BRAKE_FENICSX_SCANS")
-PAD = Path(__file__).parents[2] / "scripts" / "scenes" / "pad_scan.npz"
 N, SIDE = 128, 1.8e-3
 
 

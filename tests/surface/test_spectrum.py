@@ -18,9 +18,9 @@ from brake_fenicsx.surface import (
 )
 from brake_fenicsx.surface.spectrum import BiFractal, spectrum_of
 from brake_fenicsx.surface.topography import form
+from places import PAD
 
 SCANS = os.environ.get("BRAKE_FENICSX_SCANS")
-PAD = Path(__file__).parents[2] / "scripts" / "scenes" / "pad_scan.npz"
 FILES = {
     "wyko_wli_736x480.opd": "second-order", "alicona_200x296.al3d": "second-order",
     "truemap_300x300.tmd": "second-order", "sensofar_768x576.plu": "second-order",

@@ -4,7 +4,6 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -21,14 +20,11 @@ from brake_fenicsx.extras.decks.draft.text import write_scene
 from brake_fenicsx.extras.decks.superelement import read_superelement
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.parts_section import Matrices
-
-SCRIPTS = Path(__file__).parents[2] / "scripts"
-
+from places import BLOCK, SCRIPTS
 
 pytestmark = [
     pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed"),
 ]
-BLOCK = SCRIPTS / "scenes" / "block_on_plate.toml"
 
 
 @pytest.fixture

@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.macro.elasticity import assemble_elastic, face_area, unit_loads
-from brake_fenicsx.macro.material import Material, orthotropic, rotate_about_z
+from brake_fenicsx.macro.material import Material, rotate_about_z
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.meshing.brake_mesh import Mesh
+from materials import ORTHOTROPIC, tensor
 
-VOIGT = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
 SIZES = np.array([1.0, 0.7, 0.5])
 # All entries of an orthotropic material turned out of its axes, in units of 1 Pa.
-TURNED = rotate_about_z(
-    orthotropic(np.array([9.0, 5.0, 2.0]), np.array([0.2, 0.35, 0.3]), np.array([0.9, 1.3, 2.1])),
-    0.4,
-)
+TURNED = rotate_about_z(1e-9 * ORTHOTROPIC, 0.4)
 FACES = {f"box.{c}{end}": 2 * i + end for i, c in enumerate("xyz") for end in (0, 1)}
 
 
@@ -46,14 +43,6 @@ def box(comm, n, everywhere=False):
         {"box.all": 0} if everywhere else FACES,
         1.0,
     )
-
-
-def tensor(C):
-    c = np.empty((3, 3, 3, 3))
-    for a, (i, j) in enumerate(VOIGT):
-        for b, (k, l) in enumerate(VOIGT):
-            c[i, j, k, l] = c[j, i, k, l] = c[i, j, l, k] = c[j, i, l, k] = C[a, b]
-    return c
 
 
 def manufactured_error(comm, n):

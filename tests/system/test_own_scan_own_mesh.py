@@ -3,18 +3,17 @@
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
 from brake_fenicsx.results.run import read_run
+from places import ROOT
 
 # Four runs: minutes.
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "own_scan_own_mesh.md"
 BLOCK = re.compile(r"^```(sh|toml|python)\n(.*?)^```$", re.M | re.S)
 

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
+import materials
 from brake_fenicsx.geometry import block, disc, pad
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import (
     Material,
     isotropic,
-    orthotropic,
     rotate_about_z,
-    transversely_isotropic,
 )
 from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
@@ -19,13 +18,8 @@ from ritz import box_frequencies, line, ring_frequencies, sector_frequencies
 
 IRON = Material(isotropic(125e9, 0.24), 7200.0)
 STEEL = Material(isotropic(207e9, 0.28), 7820.0)
-LINING = Material(transversely_isotropic(5.94e9, 0.76e9, 0.98e9, 2.27e9, 1.18e9), 2510.0)
-TURNED = Material(
-    rotate_about_z(
-        orthotropic(np.array([9e9, 5e9, 2e9]), np.array([0.2, 0.35, 0.3]),
-                    np.array([0.9e9, 1.3e9, 2.1e9])), 0.4),
-    2510.0,
-)  # fmt: skip
+LINING = Material(materials.LINING, 2510.0)
+TURNED = Material(rotate_about_z(materials.ORTHOTROPIC, 0.4), 2510.0)
 SIDES = (60e-3, 25e-3, 10e-3)
 CLAMPED, FREE = 6000.0, 5000.0  # highest frequencies [Hz] of the disc
 

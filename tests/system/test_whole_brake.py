@@ -1,7 +1,6 @@
 """A brake with a caliper by matrices, ties and springs, on a coarse mesh."""
 
 import json
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -9,9 +8,9 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.pipeline import run
+from places import WHOLE
 from run_tables import read_columns
 
-SCENE = Path(__file__).parents[2] / "scripts" / "scenes" / "whole_brake.toml"
 FORCE = 1145.0
 COARSE = [
     "stages=['equilibrium', 'stability', 'uncertainty']", "parts.disc.size='30 mm'",
@@ -25,7 +24,7 @@ COARSE = [
 
 
 def results(folder, *more):
-    run(SCENE, MPI.COMM_SELF, folder, overrides=[*COARSE, *more])
+    run(WHOLE, MPI.COMM_SELF, folder, overrides=[*COARSE, *more])
     return json.loads((folder / "summary.json").read_text())
 
 

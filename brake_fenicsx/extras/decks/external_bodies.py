@@ -17,8 +17,7 @@ from scipy.spatial import cKDTree
 from brake_fenicsx.build.bodies import added_to_face
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import COMPONENTS, Elastic, FreeDofs
-from brake_fenicsx.macro.faces import Face, gather_face
-from brake_fenicsx.macro.projection import search
+from brake_fenicsx.macro.faces import Face, gather_face, search
 from brake_fenicsx.meshing.brake_mesh import Mesh, extent
 from brake_fenicsx.scene import Scene
 

@@ -36,7 +36,7 @@ def threshold(options: Any, comm: Any) -> str:
 
     from brake_fenicsx.results.run import read_run
     from brake_fenicsx.scene import read_scene
-    from brake_fenicsx.scene.written_back import with_values, write_text
+    from brake_fenicsx.scene.read import with_values, write_text
 
     known = read_run(options.directory).extras.get("states_scores", {"threshold": []})
     rows = pd.DataFrame(known).dropna(subset="threshold").to_dict("records")

@@ -11,7 +11,7 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import kilohertz
 
 from .cycles import HEARD
-from .floquet import GIVES_WAY
+from .growth import GIVES_WAY
 
 ENDED = (*HEARD, GIVES_WAY)  # outcomes at which growth ends; those of HEARD state a loudness
 DOUBTS: dict[str, str] = {

@@ -6,8 +6,6 @@ are ranked by the median of the level where the faces radiate, else by that of t
 disc or of the gap; beside it stands their rank by damping.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from typing import Any
@@ -19,7 +17,7 @@ from brake_fenicsx.results.stored import StoredSamples
 from brake_fenicsx.results.tables import RowTable
 
 from .cycles import HEARD, MEASURES
-from .floquet import GIVES_WAY
+from .growth import GIVES_WAY
 
 MODE = ("approach", "sample", "family", "mode")
 CYCLES = (*MODE, "linear_frequency_hz", "linear_alpha_1_s", "outcome", *MEASURES)

@@ -12,23 +12,31 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Index, Mask
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.samples.models import Models
 from brake_fenicsx.samples.sampling import friction_law
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.approaches import PERFECT
+from brake_fenicsx.scene.scene import PERFECT
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures import ReducedModel
 
-from .bodies import Array, reduced_bodies
-from .contact_forces import PeriodForces
-from .floquet import UNDECIDED, exponents, verdict
-from .growth import STABLE, UNDAMPED, Cycle, GrowthBranch, follow, time_to_reach
-from .harmonic_balance import HarmonicBalance
+from .bodies import reduced_bodies
+from .growth import (
+    STABLE,
+    UNDAMPED,
+    UNDECIDED,
+    Cycle,
+    GrowthBranch,
+    exponents,
+    follow,
+    time_to_reach,
+    verdict,
+)
+from .harmonic_balance import HarmonicBalance, PeriodForces
 from .keys import LimitCycle
 from .sound import AT_ONE_METRE, Nodes, decibels, nodes_of, sound_power
 
@@ -73,13 +81,13 @@ class SampleCycles:
     model: ReducedModel
     p: Array
     forces: PeriodForces
-    closed: NDArray[np.bool_]
+    closed: Mask
     damped: bool
     faces: tuple[Nodes, Nodes]
     slip: sp.csr_matrix
 
     def branch(
-        self, problem: HarmonicBalance, s: complex, a: NDArray[Any], largest: float
+        self, problem: HarmonicBalance, s: complex, a: AnyArray, largest: float
     ) -> GrowthBranch:
         """Growth of a mode over its amplitude.
 
@@ -215,7 +223,7 @@ class Cycles:
         sample: SampleInput,
         eq: Equilibrium,
         modes: Modes,
-        partner: NDArray[np.intp],
+        partner: Index,
         reduced: bool,
     ) -> dict[str, Any]:
         """Limit cycles of a sample's growing modes; see ``SampleCycles.arrays``.
@@ -239,10 +247,8 @@ class Cycles:
         reduction, scene, approach = self._models.reduction, self._scene, sample.approach
         model, contact = reduction.of(sample.approach), sample.brake.contact
         hard = scene.micro is not None and scene.micro.hardness is not None
-        yields = np.array([
-            hard and table.law == "library" and approach not in PERFECT
-            for table in scene.contact.values()
-        ])  # fmt: skip
+        hard = hard and approach not in PERFECT
+        yields = np.array([hard and table.law == "library" for table in scene.contact.values()])
         followed = model.rows.followed
         law = friction_law(contact, approach, sample.values) if "T" in followed else None
         forces = PeriodForces(

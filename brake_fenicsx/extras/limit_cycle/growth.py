@@ -5,9 +5,22 @@ shape of all harmonics and in alpha, so that it may turn back, or turn while not
 harmonic changes. Where alpha falls through zero on the way, a cycle is stable along its branch;
 where it rises, vibrations beyond it grow: a mode that is linearly stable then grows from a kick.
 Without damping alpha ends at zero, where the mode parts into two that do not grow.
-"""
 
-from __future__ import annotations
+Whether vibrations near a limit cycle come to it: its Floquet exponents.
+
+A small change of a cycle obeys linear equations whose contact stiffness varies with the period.
+They are stepped over one period, exactly but for what the stiffness differs from its mean, which
+acts in kicks at the points of time (Strang 1968); ln(rho) / period of the eigenvalues rho of the
+product are the exponents mu. There the compliance D of what the kept modes leave out is real and
+that of the first harmonic. Its change with lambda, D(mu + i n omega) of harmonic n, shifts mu to
+first order,
+
+    d rho = sum over times of (left vector) (change of the kick),
+
+with vectors that are stepped forwards and backwards. The exponent of a shift in time is zero: what
+is found for it is the error of the others. The memory of a hardness is left out: changes are
+elastic.
+"""
 
 from dataclasses import dataclass, field, replace
 
@@ -15,9 +28,10 @@ import numpy as np
 import scipy.linalg as la
 from scipy.integrate import trapezoid
 
+from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.errors import NotConverged
 
-from .bodies import Array, Complex
+from .bodies import across, times
 from .harmonic_balance import Condition, HarmonicBalance, Vibration
 
 # First, largest and smallest step along the branch, relative to the vibration; a vibration found
@@ -37,6 +51,15 @@ DECAYS, BELOW, BEYOND = 0.25, 0.7, 2.0
 EXACTLY, ROUGHLY, GOAL = 1e-7, 1e-3, 4
 
 STABLE, UNSTABLE, UNDAMPED = "stable", "unstable", "undamped"
+
+# Exponents that are shifted, those of largest growth; steps of inverse iteration, and the relative
+# distance of its shift.
+MOST, STEPS, APART = 4, 3, 1e-9
+
+# Share of omega within which two frequencies are one.
+SAME = 1e-4
+
+GIVES_WAY, UNDECIDED = "gives way", "undecided"
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,17 +133,14 @@ class GrowthBranch:
         alone goes on.
         """
         points, x = self.points[-3:], np.array(self.way[-3:])
-        w = np.array([
-            np.prod((way - np.delete(x, i)) / (x[i] - np.delete(x, i))) for i in range(x.size)
-        ])  # fmt: skip
+        others = [np.delete(x, i) for i in range(x.size)]
+        w = np.array([np.prod((way - o) / (own - o)) for own, o in zip(x, others, strict=True)])
         a = self.amplitude[-3:]
         amplitude = float(np.exp(w @ np.log(a) + (way - x[0]) * (x.size == 1)))
         shape = w * amplitude / a
-        return Vibration(
-            np.asarray(np.tensordot(shape, [v.a for v in points], 1), complex),
-            np.asarray(np.tensordot(shape, [v.y for v in points], 1), complex),
-            complex(w @ self.s[-3:]), amplitude,
-        )  # fmt: skip
+        coordinates = np.asarray(np.tensordot(shape, [v.a for v in points], 1), complex)
+        motions = np.asarray(np.tensordot(shape, [v.y for v in points], 1), complex)
+        return Vibration(coordinates, motions, complex(w @ self.s[-3:]), amplitude)
 
 
 def follow(
@@ -206,3 +226,78 @@ def _crossing(problem: HarmonicBalance, branch: GrowthBranch, q: Vibration) -> C
     growth = Condition(np.zeros_like(still.a), np.zeros_like(still.y), 1 / branch.size)
     found, _ = problem.solve(still, growth, EXACTLY)
     return Cycle(STABLE if p.s.real > 0 else UNSTABLE, found)
+
+
+def verdict(growth: float, error: float, ratio: float) -> str:
+    """Outcome of a cycle that is stable along its branch.
+
+    Args:
+        growth: largest real part of the exponents, but for that of a shift in time [1/s].
+        error: of the exponents [1/s].
+        ratio: imaginary part of that exponent over omega, 0 to 0.5.
+    """
+    if abs(growth) <= error:
+        return UNDECIDED
+    names = {0.0: "another cycle", 0.5: "its period doubles"}
+    near = (name for at, name in names.items() if abs(ratio - at) < SAME)
+    return f"{GIVES_WAY}: {next(near, 'a second frequency')}" if growth > error else STABLE
+
+
+def exponents(problem: HarmonicBalance, at: Vibration) -> Complex:
+    """Floquet exponents of a cycle [1/s], imaginary parts from 0 to omega / 2.
+
+    Args:
+        problem: its equations; more points of time make the exponents better.
+        at: the cycle.
+
+    Returns:
+        That of a shift in time, then others of largest growth, shape (MOST + 1 or fewer,).
+    """
+    bodies, omega, points = problem.bodies, at.s.imag, problem.points
+    period = 2 * np.pi / omega
+    h, tangent = period / points, problem.contact(at)[1]
+    still, (moving, *others) = bodies.at(0j)[0].real, bodies.at(1j * omega)
+    lead, source, D = (A.real.copy() for A in others)
+    M, m = (still - moving.real) / omega**2, len(still)
+    push, own = la.solve(M, lead), la.solve(M, np.hstack([still, moving.imag / omega]))
+    Y = np.moveaxis(tangent.y, -1, 0)
+    R = np.array([np.linalg.inv(np.eye(D.shape[1]) - across(J, D)) for J in Y])
+    F = np.array([r @ across(J, source) for r, J in zip(R, Y, strict=True)])
+    if tangent.v is not None:
+        V = np.moveaxis(tangent.v, -1, 0)
+        F = np.dstack([F, [r @ across(J, source) for r, J in zip(R, V, strict=True)]])
+    kicks = push @ F
+    own[:, : kicks.shape[2]] -= kicks.mean(axis=0)
+    kicks = h * (kicks - kicks.mean(axis=0))
+    n = kicks.shape[2]
+    flow = la.expm(h * np.block([[np.zeros((m, m)), np.eye(m)], [-own]]))
+    P = np.eye(2 * m)
+    for kick in kicks:
+        P[m:] += kick @ P[:n]
+        P = flow @ P
+    rho = la.eigvals(P)
+    mu = np.log(rho + 0j) / period
+    order = [i for i in np.argsort(-mu.real) if mu[i].imag >= 0]
+    shift = min(order, key=lambda i: abs(mu[i]))
+    t, found = h * np.arange(points), []
+    for i in [shift, *(i for i in order if i != shift)][: MOST + 1]:
+        factors = la.lu_factor(P - (1 + APART) * rho[i] * np.eye(2 * m))
+        x, left = np.ones((2, 2 * m), complex)
+        for _ in range(STEPS):
+            x, left = la.lu_solve(factors, x), la.lu_solve(factors, left, trans=2)
+            x, left = x / la.norm(x), left / la.norm(left)
+        size, forces, left = left.conj() @ x, [], left.conj()
+        for f, kick in zip(F, kicks, strict=True):
+            forces.append(f @ x[:n])
+            x = flow @ np.r_[x[:m], x[m:] + kick @ x[:n]]
+        turn = np.exp(mu[i] * t)
+        harmonics = np.fft.fft(np.array(forces).T / turn) / points
+        lam = mu[i] + 1j * omega * np.fft.fftfreq(points, 1 / points)
+        gap = bodies.motions(lam, np.zeros((m, points), complex), harmonics) - times(D, harmonics)
+        gap, moved = np.fft.ifft(gap) * points * turn, 0j
+        for k in reversed(range(points)):
+            left = left @ flow
+            moved += h * left[m:] @ (push @ (R[k] @ across(Y[k], gap[:, k : k + 1])[:, 0]))
+            left[:n] += left[m:] @ kicks[k]
+        found.append(np.log(rho[i] + moved / size) / period)
+    return np.real(found) + 1j * np.abs(np.imag(found))

@@ -12,22 +12,34 @@ nonlinear modes: Laxalde and Thouverez, J. Sound Vib. 322, 2009, doi:10.1016/j.j
 Krack, Comput. Struct. 154, 2015, doi:10.1016/j.compstruc.2015.03.008).
 
 Newton's method solves for a_n, y_n, alpha and omega under a condition on growth and amplitude; see
-``newton_steps`` for its linear systems.
-"""
+``bodies`` for its linear systems.
 
-from __future__ import annotations
+Contact forces of patches over a period of vibration, exact in opening, yielding and reversal.
+
+A patch carries w (p(g) - p_e) along the gap, p_e its pressure at equilibrium. Where a hardness
+limits the pressure, unloading and reloading are elastic: from the smallest gap g_m that the patch
+has had, at equilibrium or in the vibration, it goes back along
+
+    p = p_m (1 - s)^n,    s = (g - g_m) v_m / (n p_m),    open for s >= 1,
+
+p_m the pressure of loading to g_m and v_m the stiffness of small vibrations there; n = EXPONENT.
+Friction mu(|v|) w p acts against the slip velocity v = (V - v_T, -v_R) of the disc past the pad,
+with the rates that the scene's damping terms name. Without them its direction does not change, and
+``bodies`` takes it as a part of the normal force.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex, Index, Mask
 from brake_fenicsx.errors import NotConverged
+from brake_fenicsx.macro.gap import EnrichedGap
+from brake_fenicsx.macro.sliding_friction import Coefficient, SlidingFriction, patch_forces, sliding
 
-from .bodies import Array, Bodies, Complex
-from .newton_steps import Factors, Step, changes, newton_step, through
+from .bodies import Bodies, Factors, Step, changes, newton_step, through
 
 # Newton's iterations at most, and what each must gain with the factors of an earlier vibration;
 # slow ones that are borne; vectors of GMRES at most, with new factors and with those of an earlier
@@ -37,6 +49,12 @@ ITERATIONS, GAIN, MISSES, VECTORS, FEW, DIFFERENCE, SLOW = 20, 0.3, 1, 200, 100,
 
 # Forces [N] and stiffnesses [N/m] beyond this are those of a state that no vibration has.
 HUGE = 1e30
+
+# Of the elastic branch under a hardness.
+EXPONENT = 2.0
+
+# Slip velocity below which the direction of friction is smoothed, over the sliding speed.
+SMOOTH = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +72,7 @@ class Tangent:
     y: Array
     v: Array | None = None
     past: Array | None = None
-    time: NDArray[np.intp] | None = None
+    time: Index | None = None
 
     def times(self, y: Array, v: Array) -> Array:
         """Change of the forces, shape (acting rows, times)."""
@@ -250,10 +268,8 @@ class HarmonicBalance:
                 self._factors = None
             last = size
         self._factors = None
-        raise NotConverged(
-            f"limit cycle: no vibration of amplitude near {1e6 * guess.amplitude:.3g} um; take"
-            " more harmonics or points of time"
-        )
+        raise NotConverged(f"""limit cycle: no vibration of amplitude near
+            {1e6 * guess.amplitude:.3g} um; take more harmonics or points of time""")
 
     def _step(
         self, at: Vibration, condition: Condition, kept: float, phase: Complex
@@ -286,3 +302,94 @@ class HarmonicBalance:
         J, amplitude = tangent.stiffness, at.amplitude
         self._factors = Factors(single, lam, J, slope, phase, amplitude)
         return newton_step(self._factors, *given, VECTORS), True
+
+
+@dataclass(frozen=True, slots=True)
+class PeriodForces:
+    """Forces of some contact elements over a period; see ``harmonic_balance.Forces``.
+
+    Attributes:
+        laws: law and critical gap of each element.
+        yields: whether a hardness limits its pressure, shape (elements,).
+        w: areas [m^2].
+        g: gaps at equilibrium [m].
+        friction: of each element.
+        followed: motions that forces follow: "N", then "T" and "R" where they follow rates.
+        coefficient: friction by the slip speed; None where it does not change.
+    """
+
+    laws: EnrichedGap
+    yields: Mask
+    w: Array
+    g: Array
+    friction: SlidingFriction
+    followed: str = "N"
+    coefficient: Coefficient | None = None
+
+    def __call__(self, y: Array, v: Array) -> tuple[Array, Tangent]:
+        """Forces beyond those of the equilibrium [N], and their tangent."""
+        blocks, c, mu = len(self.followed), self.w.size, self.friction.mu
+        y, v = y.reshape(blocks, c, -1), v.reshape(blocks, c, -1)
+        p, k, past = self.pressure(self.g[:, None] + y[0])
+        p_e = self.pressure(self.g[:, None])[0]
+        traction, slopes = sliding(mu[:, None], p), None
+        rates = ["TR".index(name) for name in self.followed[1:]]
+        if rates:
+            slip = np.zeros((2, *p.shape))
+            slip[rates] = v[1:]
+            traction, slopes = self.friction.traction(slip, self.coefficient, SMOOTH)
+        acting = 1 + max((1, *(1 + rate for rate in rates))) if rates else 1
+        moving = patch_forces(self.w, p, k, traction, slopes)
+        still = patch_forces(self.w, p_e, 0 * p_e, sliding(mu[:, None], p_e))
+        to_y, to_v = np.zeros((2, acting, blocks, *p.shape))
+        to_y[:, 0], to_v[:, 1:] = moving.gap[:acting], moving.rate[:acting, rates]
+        to_past = patch_forces(self.w, past, 0 * past, traction).value[:acting]
+        more = to_v if rates else None, to_past if past.any() else None
+        tangent = Tangent(to_y, *more, np.argmin(y[0], axis=1))
+        forces = (moving.value - still.value)[:acting]
+        return forces.reshape(-1, y.shape[2]), tangent
+
+    def pressure(self, g: Array) -> tuple[Array, Array, Array]:
+        """Pressure p, -dp/dg and, where yielding goes on, dp/dg_m, shape (elements, times).
+
+        Args:
+            g: gaps over a period [m], shape (elements, times).
+        """
+        p, k, past = np.zeros((3, *g.shape))
+        soft = self.yields
+        if (~soft).any():
+            p[~soft], k[~soft] = _of(self.laws, ~soft, g.shape[1]).loading(g[~soft])
+        if soft.any():
+            lowest = g[soft].min(axis=1, keepdims=True)
+            g_m, laws = np.minimum(lowest, self.g[soft, None]), _of(self.laws, soft, 1)
+            branch = _elastic(g[soft] - g_m, *laws.loading(g_m), *laws.vibration(g_m))
+            p[soft], k[soft], moved = branch
+            past[soft] = moved * (lowest < self.g[soft, None])
+        return p, k, past
+
+
+def _of(laws: EnrichedGap, chosen: Mask, times: int) -> EnrichedGap:
+    """Laws of some elements at so many times, of gaps of the shape (elements, times)."""
+    index = np.repeat(laws.index[chosen, None], times, axis=1)
+    return EnrichedGap(laws.laws, index, laws.g_cr[chosen, None])
+
+
+def _elastic(
+    away: Array, p_m: Array, k_m: Array, v_m: Array, slope: Array
+) -> tuple[Array, Array, Array]:
+    """Pressure, stiffness and derivative to g_m of the branch from (g_m, p_m).
+
+    Args:
+        away: g - g_m [m], not negative.
+        p_m: pressure at g_m [Pa].
+        k_m: stiffness of loading there [Pa/m].
+        v_m: stiffness of small vibrations there.
+        slope: dv_m/dg_m [Pa/m^2].
+    """
+    n, carries = EXPONENT, p_m > 0
+    p_safe = np.where(carries, p_m, 1.0)
+    s = away * v_m / (n * p_safe)
+    left = np.maximum(1 - s, 0.0) * carries
+    ds = -v_m / (n * p_safe) + away * (slope + v_m * k_m / p_safe) / (n * p_safe)
+    past = -k_m * left**n - n * p_m * left ** (n - 1) * ds
+    return p_m * left**n, v_m * left ** (n - 1), past

@@ -1,7 +1,5 @@
 """[limit_cycle] of a scene."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 

@@ -9,20 +9,15 @@ together (Rayleigh's integral). Of velocities v of sources in a baffle at omega 
 baffle, and air passes around its rim: an estimate, too loud at low frequencies.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex, Ints
 from brake_fenicsx.macro.elasticity import FreeDofs
 from brake_fenicsx.macro.faces import gather_face
 from brake_fenicsx.meshing.brake_mesh import Mesh
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 DENSITY, SOUND = 1.204, 343.2  # of air at 20 C [kg/m^3], [m/s]
 REFERENCE = 1e-12  # sound power of 0 dB [W]
@@ -42,7 +37,7 @@ class Nodes:
         area: outward area of each node [m^2], shape (nodes, 3).
     """
 
-    columns: NDArray[np.int64]
+    columns: Ints
     place: Array
     area: Array
 

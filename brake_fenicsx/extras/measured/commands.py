@@ -1,14 +1,12 @@
 """The commands correlate, identify and export."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from brake_fenicsx.commands import ALLOW, DIRECTORY, SCENE, SET, argument, command, folder_of
 
 PART = argument("--part", metavar="NAME", help="the part, where the scene has several")
-SUPPORTED = argument("--supported", action="store_true", help="with the supports, springs and"
-                     " masses of the part's faces; free if not given")  # fmt: skip
+HELD = "with the supports, springs and masses of the part's faces; free if not given"
+SUPPORTED = argument("--supported", action="store_true", help=HELD)
 
 
 @command(

@@ -5,31 +5,27 @@ logarithms: the mean of the specimens, and the mean of their covariances plus th
 means (law of total variance).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.build.material_table import constants
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import MaterialTable, Scene, read_scene
-from brake_fenicsx.scene.read import toml_text
+from brake_fenicsx.scene.read import toml_text, with_values, write_text
 from brake_fenicsx.scene.units import in_unit_of, to_si
-from brake_fenicsx.scene.written_back import with_values, write_text
 
 from .peaks import Peaks, read_peaks
 from .posterior import Posterior, VariedBody, fill_basis, identified
 from .study import beside, part_name
 
-Array = NDArray[np.float64]
 # Modes are computed up to this multiple of the highest peak, and no more than so many.
 BEYOND, MOST_MODES = 1.2, 400
 # A constant is not determined if its standard deviation is more than this share of the prior's.
@@ -89,10 +85,9 @@ def identify(
         with_constants(parsed, material, _values(parsed, material, body, body.nominal))
     where = f"{peaks}: part {part!r}"
     if (count := body.count()) > MOST_MODES:
-        raise SceneError(
-            f"{where} has {count} modes below {highest:.4g} Hz, {BEYOND} times the highest peak;"
-            " name the column frequency_hz if it is in Hz, or leave out the highest peaks"
-        )
+        raise SceneError(f"""{where} has {count} modes below {highest:.4g} Hz, {BEYOND} times the
+            highest peak; name the column frequency_hz if it is in Hz, or leave out the highest
+            peaks""")
     lowest = fill_basis(body, prior)
     specimens = [_above(where, s, lowest * np.exp(-3 * prior), body) for s in specimens]
     each = [identified(body, s.frequency, prior, error) for s in specimens]
@@ -142,9 +137,8 @@ def _material(scene: Scene, part: str, name: str | None) -> str:
     chosen = name or layers.get("lining") or (known[0] if len(known) == 1 else None)
     if chosen not in known:
         hint = "name one with --material" if name is None else f"--material {name}: not of the part"
-        raise SceneError(
-            f"{scene.file}: parts.{part}: has the materials {', '.join(known)}; {hint}"
-        )
+        raise SceneError(f"""{scene.file}: parts.{part}: has the materials {", ".join(known)};
+            {hint}""")
     return str(chosen)
 
 
@@ -152,11 +146,9 @@ def _above(where: str, peaks: Peaks, limit: float, body: VariedBody) -> Peaks:
     """The peaks that may be elastic modes."""
     low = peaks.frequency < limit
     if low.all():
-        raise SceneError(
-            f"{where}: specimen {peaks.specimen}: all peaks lie below"
-            f" {min(limit, body.highest):.4g} Hz, where the part has no mode; name the column"
-            " frequency_khz if it is in kHz, or check materials and dimensions"
-        )
+        raise SceneError(f"""{where}: specimen {peaks.specimen}: all peaks lie below
+            {min(limit, body.highest):.4g} Hz, where the part has no mode; name the column
+            frequency_khz if it is in kHz, or check materials and dimensions""")
     if low.any():
         logger.warning(
             "%s: specimen %s: %d peaks below %.4g Hz left out: below the first mode whatever the"
@@ -178,10 +170,9 @@ def _say_misfit(peaks: Peaks, end: Posterior, error: float) -> None:
     rms = float(np.sqrt(np.mean(off**2))) if used.any() else 0.0
     below = np.flatnonzero(end.modes.frequency < peaks.frequency[-1])
     unheard = np.setdiff1d(below, end.mode).size
-    logger.info(
-        "specimen %s: %d of %d peaks have a mode, rms %.3g %%; %d steps, basis within %.1e",
-        peaks.specimen, used.sum(), used.size, 100 * rms, end.steps, end.basis_error,
-    )  # fmt: skip
+    said = "specimen %s: %d of %d peaks have a mode, rms %.3g %%; %d steps, basis within %.1e"
+    counts = peaks.specimen, used.sum(), used.size
+    logger.info(said, *counts, 100 * rms, end.steps, end.basis_error)
     if unheard or not used.all():
         logger.warning(
             "specimen %s: %d peaks fit no mode and are left out; %d modes below the highest peak"
@@ -247,10 +238,8 @@ def _peak_rows(peaks: Peaks, end: Posterior) -> list[list[Value]]:
     """Measured peaks with their modes, then modes below the highest one that no peak has."""
     f = end.modes.frequency
     f = f[: max(int(np.sum(f < peaks.frequency.max(initial=0.0))), end.mode.max(initial=-1) + 1)]
-    rows = beside(
-        end.mode, [peaks.frequency], [np.arange(1, f.size + 1), f],
-        [f / peaks.frequency[:, None] - 1],
-    )  # fmt: skip
+    differences = [f / peaks.frequency[:, None] - 1]
+    rows = beside(end.mode, [peaks.frequency], [np.arange(1, f.size + 1), f], differences)
     return [[peaks.specimen, *row] for row in rows]
 
 
@@ -285,10 +274,8 @@ def _target(scene: Scene, path: str | Path) -> Path:
         if file.exists():
             raise SceneError(f"--write {file}: is there already; name the scene or a new file")
         if file.resolve().parent != own.resolve().parent:
-            raise SceneError(
-                f"--write {file}: name a file in {own.resolve().parent}, from which the paths of"
-                " the scene start"
-            )
+            raise SceneError(f"""--write {file}: name a file in {own.resolve().parent}, from which
+                the paths of the scene start""")
     return file
 
 

@@ -11,8 +11,6 @@ Reference: Structural Dynamics Research Laboratory, University of Cincinnati, Un
 for Modal Analysis Testing, https://www.ceas3.uc.edu/sdrluff/.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -20,14 +18,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex, Index, Mask
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.measured.universal import universal_files
 from brake_fenicsx.folder.arrays import reading
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 NODES, SYSTEMS, UNITS = (15, 2411), (18, 2420), 164
 CYLINDRICAL, SPHERICAL = 1, 2
@@ -69,13 +64,13 @@ class ModalTest:
     """
 
     file: Path
-    label: NDArray[np.intp]
+    label: Index
     points: Array
     axes: Array
-    seen: NDArray[np.bool_]
+    seen: Mask
     frequency: Array
     damping: Array
-    shapes: NDArray[np.complex128]
+    shapes: Complex
 
 
 def read_modes(path: str | Path) -> ModalTest:
@@ -91,9 +86,8 @@ def read_modes(path: str | Path) -> ModalTest:
     sets = read_sets(file, (*NODES, *SYSTEMS, UNITS))
     modes = modes_of(file, sets)
     if not set(NODES) & {d["type"] for d in sets}:
-        raise SceneError(
-            f"{file}: contains no nodes (dataset 15 or 2411); export the geometry of the test too"
-        )
+        raise SceneError(f"""{file}: contains no nodes (dataset 15 or 2411); export the geometry of
+            the test too""")
     place = nodes_of(file, sets)
     labels = sorted(set[int].intersection(*({*mode.shape} for mode in modes)))
     without = [n for n in labels if n not in place]
@@ -139,11 +133,9 @@ def modes_of(file: Path, sets: list[dict[str, Any]]) -> list[Mode]:
     modes = read_mode_sets(file)
     if not modes:
         kinds = dict.fromkeys(str(d["type"]) for d in sets)
-        raise SceneError(
-            f"{file}: contains no modes (dataset 55, normal or complex) but"
-            f" {', '.join(kinds) or 'no dataset at all'}; export nodes and modes; of frequency"
-            " responses (58) identify the modes first, in the test software or with sdypy-EMA"
-        )
+        raise SceneError(f"""{file}: contains no modes (dataset 55, normal or complex) but
+            {", ".join(kinds) or "no dataset at all"}; export nodes and modes; of frequency
+            responses (58) identify the modes first, in the test software or with sdypy-EMA""")
     return modes
 
 
@@ -165,10 +157,8 @@ def _systems(
         elif s["type"] == 18:
             for i, n in enumerate(s["cs_num"]):
                 if s["ref_cs_num"][i]:
-                    raise SceneError(
-                        f"{file}: dataset 18: system {n:.0f} refers to another one; export"
-                        " coordinate systems in global coordinates"
-                    )
+                    raise SceneError(f"""{file}: dataset 18: system {n:.0f} refers to another one;
+                        export coordinate systems in global coordinates""")
                 x, inside = (s[k][i] - s["ref_o"][i] for k in ("x_point", "xz_point"))
                 y = np.cross(inside, x)
                 rows = np.array([x, y, np.cross(x, y)])
@@ -191,10 +181,9 @@ def nodes_of(file: Path, sets: list[dict[str, Any]]) -> dict[int, tuple[Array, A
             own, shown = int(s["def_cs"][i]) if s["type"] == 15 else 0, int(s["disp_cs"][i])
             for used in {own, shown}:
                 if systems.get(used, (SPHERICAL,))[0] >= SPHERICAL:
-                    raise SceneError(
-                        f"{file}: node {n}: coordinate system {used} is missing or neither"
-                        " Cartesian nor cylindrical; export the nodes in global coordinates"
-                    )
+                    raise SceneError(f"""{file}: node {n}: coordinate system {used} is missing or
+                        neither Cartesian nor cylindrical; export the nodes in global
+                        coordinates""")
             kind, rows, origin = systems[own]
             if kind == CYLINDRICAL:
                 angle = np.radians(x[1])
@@ -258,9 +247,8 @@ def _mode(lines: list[str]) -> Mode | None:
             x += _reals(next(rows, "")) or _short(line, len(x), numbers)
         if len(x) > numbers:
             _short(line, len(x), numbers)
-        shape[int(line)] = np.array(x[0::2]) + 1j * np.array(x[1::2]) if complex_values else (
-            np.array(x, dtype=complex)
-        )  # fmt: skip
+        values = np.array(x, complex)
+        shape[int(line)] = values[::2] + 1j * values[1::2] if complex_values else values
     return Mode(s, int(lines[6].split()[3]), shape)
 
 

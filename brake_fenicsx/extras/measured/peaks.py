@@ -1,21 +1,18 @@
 """Frequencies of resonances, and Q factors where they are given, of one or more specimens."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.text_tables import TextTable
 
 from .measured import modes_of, read_sets
 
-Array = NDArray[np.float64]
 UNITS = {"frequency_hz": 1.0, "frequency_khz": 1e3}
 # Two peaks closer than this may be one that was written twice.
 TWICE = 2e-4
@@ -80,7 +77,7 @@ def _table(file: Path) -> list[Peaks]:
     return [_checked(file, name, np.array(sorted(own))) for name, own in specimens.items()]
 
 
-def _poles(file: Path) -> NDArray[np.complex128]:
+def _poles(file: Path) -> Complex:
     """Eigenvalues [1/s] of frequency responses that are stable over the order of the model.
 
     Least-squares complex frequency-domain method (B. Peeters et al., Shock Vib. 11, 2004,
@@ -93,26 +90,21 @@ def _poles(file: Path) -> NDArray[np.complex128]:
     try:
         ema = import_module("sdypy.EMA")
     except ImportError:
-        raise SceneError(
-            f"{file}: contains frequency responses (dataset 58) and no modes; pip install"
-            " sdypy-EMA, which finds modes in them, or export modes as dataset 55"
-        ) from None
+        raise SceneError(f"""{file}: contains frequency responses (dataset 58) and no modes; pip
+            install sdypy-EMA, which finds modes in them, or export modes as dataset
+            55""") from None
     sets = (d for d in read_sets(file, (RESPONSES,)) if d["type"] == RESPONSES)
     x = [np.asarray(d["x"]) for d in sets if d["func_type"] == RESPONSE]
     if not x or any(f.shape != x[0].shape or not np.allclose(f, x[0]) for f in x):
-        raise SceneError(
-            f"{file}: dataset 58: {len(x)} frequency responses (function type 4), or not all at the"
-            " same frequencies; export frequency responses of one frequency axis"
-        )
+        raise SceneError(f"""{file}: dataset 58: {len(x)} frequency responses (function type 4), or
+            not all at the same frequencies; export frequency responses of one frequency axis""")
     model = ema.Model(lower=x[0][1], upper=x[0][-1], pol_order_high=ORDERS)
     try:
         model.read_uff(str(file))
         model.get_poles(show_progress=False)
     except Exception as error:  # sdypy-EMA raises nothing narrower
-        raise SceneError(
-            f"{file}: dataset 58: sdypy-EMA fails ({type(error).__name__}: {error}); export modes"
-            " as dataset 55"
-        ) from None
+        raise SceneError(f"""{file}: dataset 58: sdypy-EMA fails ({type(error).__name__}: {error});
+            export modes as dataset 55""") from None
     orders, found = [np.asarray(poles) for poles in model.all_poles[-ORDER:]], []
     for s in (s for s in orders[-1] if s.imag > 0 > s.real):
         nearest = np.array([poles[np.argmin(np.abs(poles - s))] for poles in orders])

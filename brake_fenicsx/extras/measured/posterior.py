@@ -14,15 +14,13 @@ frequencies at the wanted constants agree with those at full order.
 Reference: A. Tarantola, Inverse Problem Theory (2005), doi:10.1137/1.9780898717921, section 3.4.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from brake_fenicsx.arguments import Array, Index
 from brake_fenicsx.build.changes import VOIGT, moved_entries, unit_change
 from brake_fenicsx.build.material_table import constants, stiffness, varied_stiffness
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
@@ -33,7 +31,6 @@ from brake_fenicsx.stability.eigensolvers.symmetric import count_below
 
 from .part_modes import elastic_modes, part_body
 
-Array = NDArray[np.float64]
 # Directions of the basis smaller than this share of the largest are left out.
 SMALL = 1e-6
 # Step of the difference of C_ij by the logarithm of a constant; exact where they are linear.
@@ -164,14 +161,14 @@ class Posterior:
 
     theta: Array
     covariance: Array
-    mode: NDArray[np.intp]
+    mode: Index
     modes: BodyModes
     misfit: float
     steps: int
     basis_error: float = np.nan
 
 
-def assigned(peaks: Array, modes: Array, gate: float) -> NDArray[np.intp]:
+def assigned(peaks: Array, modes: Array, gate: float) -> Index:
     """Mode of each peak, -1 for none, by the least sum of squares up to a gate.
 
     Args:
@@ -239,7 +236,7 @@ def fill_basis(body: VariedBody, prior: float) -> float:
     return float(frequency[0])
 
 
-def misfit(peaks: Array, modes: Array, mode: NDArray[np.intp], error: float, gate: float) -> float:
+def misfit(peaks: Array, modes: Array, mode: Index, error: float, gate: float) -> float:
     """Squares of the peaks over the variance, and what modes that nobody heard cost.
 
     Args:

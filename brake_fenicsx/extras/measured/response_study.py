@@ -5,8 +5,6 @@ ordinate may be a displacement, velocity or acceleration over a force. A table o
 responses of the model alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex, Index
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.build.material_table import layer_materials
@@ -29,12 +27,9 @@ from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.stability.substructures.substructure import ModalRatio
 
 from .measured import NODES, SYSTEMS, UNITS, nodes_of, read_sets
-from .part_modes import part_body, surface_rows
-from .responses import BEYOND, Damped, frac, real_modes, receptances
+from .part_modes import BEYOND, Damped, frac, part_body, real_modes, receptances, surface_rows
 from .study import check_distance, correlate, part_name
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 MODES, FUNCTION, RESPONSE = 55, 58, 4  # datasets; type of a function
 # Specific data type of the ordinate -> times it is differentiated by time; that of a force.
 ORDER, FORCE = {8: 0, 11: 1, 12: 2}, 13
@@ -114,16 +109,12 @@ def _measured(
     kinds = s["ordinate_spec_data_type"], s["orddenom_spec_data_type"]
     where = f"{file}: dataset 58: response of node {ends[1][0]} to node {ends[0][0]}"
     if kinds[0] not in ORDER or kinds[1] != FORCE:
-        raise SceneError(
-            f"{where}: specific data types {kinds[0]} over {kinds[1]}; export displacements (8),"
-            " velocities (11) or accelerations (12) over forces (13)"
-        )
+        raise SceneError(f"""{where}: specific data types {kinds[0]} over {kinds[1]}; export
+            displacements (8), velocities (11) or accelerations (12) over forces (13)""")
     for node, along in ends:
         if node not in place or not 1 <= abs(along) <= 3:
-            raise SceneError(
-                f"{where}: node {node}, direction {along}: export the nodes (dataset 2411 or 15),"
-                " and directions 1 to 3 or -1 to -3"
-            )
+            raise SceneError(f"""{where}: node {node}, direction {along}: export the nodes (dataset
+                2411 or 15), and directions 1 to 3 or -1 to -3""")
     points = np.array([place[node][0] for node, _ in ends])
     directions = np.array([np.sign(d) * place[node][1][abs(d) - 1] for node, d in ends])
     names = [f"node {node} {'-' if d < 0 else ''}{'xyz'[abs(d) - 1]}" for node, d in ends]
@@ -147,10 +138,8 @@ def _asked(file: Path) -> Iterator[Response]:
             turned = [np.eye(3)["xyz".index(cells[k][-1:] or "?")] for k in (3, 7)]
             signs = [{"": 1, "+": 1, "-": -1}[cells[k][:-1]] for k in (3, 7)]
         except (ValueError, IndexError, KeyError):
-            raise SceneError(
-                f"{file}: line {line}: {','.join(cells)}: write numbers [mm], and directions x, y,"
-                " z, -x, -y or -z"
-            ) from None
+            raise SceneError(f"""{file}: line {line}: {",".join(cells)}: write numbers [mm], and
+                directions x, y, z, -x, -y or -z""") from None
         names = f"line {line} {cells[3]}", f"line {line} {cells[7]}"
         directions = np.array(turned) * np.array(signs)[:, None]
         yield Response(names, points, directions, 0, np.zeros(0), np.zeros(0, complex))
@@ -221,16 +210,14 @@ def _band(scene: Scene, asked: Sequence[Response]) -> tuple[float, ...]:
     if scene.stability is not None:
         return scene.stability.band
     if not asked[0].frequency.size:
-        raise SceneError(
-            f"{scene.file}: stability.band: is missing; responses without a test are computed in"
-            " the band"
-        )
+        raise SceneError(f"""{scene.file}: stability.band: is missing; responses without a test are
+            computed in the band""")
     return 0.0, np.inf
 
 
 def _ends(
     file: Path, asked: Sequence[Response], mesh: Mesh, elastic: Elastic, part: str
-) -> list[tuple[Array, NDArray[np.intp]]]:
+) -> list[tuple[Array, Index]]:
     """Rows of the forces and of what is seen, each once, shape (rows, dofs); those of responses."""
     points = np.vstack([r.points for r in asked])
     rows, distance, size = surface_rows(mesh, elastic.free, points)
@@ -250,10 +237,8 @@ def _inside(file: Path, r: Response, band: tuple[float, ...]) -> Response:
     """A response in the band of the scene."""
     kept = (r.frequency >= band[0]) & (r.frequency <= band[1])
     if r.frequency.size and not kept.any():
-        raise SceneError(
-            f"{file}: dataset 58: response of {r.names[1]}: no frequency in stability.band,"
-            f" {band[0]:g} to {band[1]:g} Hz"
-        )
+        raise SceneError(f"""{file}: dataset 58: response of {r.names[1]}: no frequency in
+            stability.band, {band[0]:g} to {band[1]:g} Hz""")
     return replace(r, frequency=r.frequency[kept], value=r.value[kept])
 
 

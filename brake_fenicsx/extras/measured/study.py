@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.mac import mac
 from brake_fenicsx.report import style
@@ -26,8 +26,8 @@ from brake_fenicsx.scene import Scene, read_scene
 from .measured import ModalTest, read_modes
 from .part_modes import PartModes, part_modes, shapes_at
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Cells = Sequence[AnyArray]
+
 # Least MAC of a pair; largest ratio of its frequencies; frequencies of a doublet differ by less.
 LEAST, FARTHEST, DOUBLET = 0.5, 2.0, 5e-3
 # A combination of a doublet counts if the measured directions see this share of the one seen best.
@@ -55,8 +55,8 @@ class Pairs:
     """
 
     mac: Array
-    mode: NDArray[np.intp]
-    combined: NDArray[np.intp]
+    mode: Index
+    combined: Index
 
 
 def paired(measured: Complex, tested: Array, shapes: Array, frequency: Array) -> Pairs:
@@ -97,9 +97,7 @@ def _in_span(measured: Complex, shapes: Array) -> Array:
     return np.asarray(np.sum(np.abs(inside) ** 2, axis=1) / np.sum(np.abs(measured) ** 2, axis=1))
 
 
-def _combined(
-    shapes: Array, group: NDArray[np.intp], measured: Complex, mode: NDArray[np.intp]
-) -> Complex:
+def _combined(shapes: Array, group: Index, measured: Complex, mode: Index) -> Complex:
     """Combinations of a group: the best ones for its measured partners, then what is left."""
     test = [int(np.flatnonzero(mode == j)[0]) if j in mode else -1 for j in group]
     used = np.array([i >= 0 for i in test])
@@ -147,20 +145,15 @@ def correlate(
     highest = BEYOND * float(measured.frequency.max())
     modes = part_modes(parsed, name, measured.points, highest, supported)
     if not modes.frequency.size:
-        raise SceneError(
-            f"{measured.file}: part {name!r} has no elastic mode below {highest:.0f} Hz,"
-            f" {BEYOND} times the highest measured frequency; check materials and --part"
-        )
+        raise SceneError(f"""{measured.file}: part {name!r} has no elastic mode below {highest:.0f}
+            Hz, {BEYOND} times the highest measured frequency; check materials and --part""")
     values, distance, size = shapes_at(modes, measured.points)
     _check_extent(measured, name, size)
     labels = [f"node {n}" for n in measured.label]
     check_distance(measured.file, labels, measured.points, name, distance, size)
     values = np.einsum("pac,pcm->pam", measured.axes, values)
-    pairs = paired(
-        measured.shapes[:, measured.seen], measured.frequency, values[measured.seen].T,
-        modes.frequency,
-    )  # fmt: skip
-    tested, computed = measured.frequency, modes.frequency
+    tested, computed, seen = measured.frequency, modes.frequency, measured.seen
+    pairs = paired(measured.shapes[:, seen], tested, values[seen].T, computed)
     rows = beside(
         pairs.mode,
         (np.arange(1, tested.size + 1), tested, measured.damping),
@@ -199,9 +192,8 @@ def part_name(scene: Scene, name: str | None) -> str:
     if name is not None and name not in known:
         given = "given by matrices: correlate it in the code that wrote them"
         why = given if name in scene.parts else "no such part"
-        raise SceneError(
-            f"{scene.file}: --part {name}: {why}; of parts with a mesh there are {', '.join(known)}"
-        )
+        raise SceneError(f"""{scene.file}: --part {name}: {why}; of parts with a mesh there are
+            {", ".join(known)}""")
     return name or known[0]
 
 
@@ -209,10 +201,8 @@ def _check_extent(measured: ModalTest, part: str, size: Array) -> None:
     """Refuse points that all lie in one place of the part."""
     extent = float(np.ptp(measured.points, axis=0).max())
     if extent < size.min():
-        raise SceneError(
-            f"{measured.file}: all nodes lie within {1e3 * extent:.3g} mm, half a facet of part"
-            f" {part!r} ({1e3 * size.min():.3g} mm): {REMEDY}"
-        )
+        raise SceneError(f"""{measured.file}: all nodes lie within {1e3 * extent:.3g} mm, half a
+            facet of part {part!r} ({1e3 * size.min():.3g} mm): {REMEDY}""")
 
 
 def check_distance(
@@ -234,16 +224,12 @@ def check_distance(
     i = int(np.argmax(distance / size))
     if distance[i] > size[i]:
         place = ", ".join(f"{1e3 * x:.4g}" for x in points[i])
-        raise SceneError(
-            f"{file}: {label[i]} at ({place}) mm is {1e3 * distance[i]:.4g} mm from the"
-            f" surface of part {part!r}, more than half a facet ({1e3 * size[i]:.3g} mm): {REMEDY}"
-        )
+        raise SceneError(f"""{file}: {label[i]} at ({place}) mm is {1e3 * distance[i]:.4g} mm from
+            the surface of part {part!r}, more than half a facet ({1e3 * size[i]:.3g} mm):
+            {REMEDY}""")
 
 
-def beside(
-    mode: NDArray[np.intp], tests: Sequence[NDArray], modes: Sequence[NDArray],
-    both: Sequence[NDArray],
-) -> list[list[Value]]:  # fmt: skip
+def beside(mode: Index, tests: Cells, modes: Cells, both: Cells) -> list[list[Value]]:
     """Measured resonances beside the modes that they are, then the modes that have none.
 
     Args:

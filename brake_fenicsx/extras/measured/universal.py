@@ -7,14 +7,12 @@ Reference: Structural Dynamics Research Laboratory, University of Cincinnati, Un
 for Modal Analysis Testing, https://www.ceas3.uc.edu/sdrluff/.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Complex, Ints
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import Arrays, read_hdf5, reading
 from brake_fenicsx.folder.files import whole_file
@@ -50,11 +48,9 @@ def export_modes(directory: str | Path | RunData) -> Path:
     there = [name for name in run.approaches if complete and _file(run, name).is_file()]
     stored = [(key, shape) for name in there for key, shape in _shapes(run, name)]
     if not stored:
-        raise SceneError(
-            f"{run.directory}/fields: contains no mode shapes; a run stores those of its most"
-            ' severe squeal modes: run the scene with stages = [..., "stability",'
-            ' "report"] and, if no mode squeals, a lower stability.threshold or more friction'
-        )
+        raise SceneError(f"""{run.directory}/fields: contains no mode shapes; a run stores those of
+            its most severe squeal modes: run the scene with stages = [..., "stability", "report"]
+            and, if no mode squeals, a lower stability.threshold or more friction""")
     points, cells, used = _mesh(_file(run, stored[0][0].approach))
     sets = [_header(run), {"type": 164, **SI}, *_model(points, cells)]
     sets += [_mode(run, i, key, shape[used]) for i, (key, shape) in enumerate(stored, start=1)]
@@ -83,7 +79,7 @@ def _read(path: Path, *names: str) -> Arrays:
         return read_hdf5(path, [f"VTKHDF/{name}" for name in names])
 
 
-def _shapes(run: RunData, approach: str) -> list[tuple[ModeKey, NDArray[np.complex128]]]:
+def _shapes(run: RunData, approach: str) -> list[tuple[ModeKey, Complex]]:
     """Stored modes of an approach, shapes at the points of the file, (points, 3)."""
     keys = run.squeal.representatives(approach, MOST)
     pairs = [[f"PointData/mode_{key.name}_{part}" for part in ("re", "im")] for key in keys]
@@ -95,7 +91,7 @@ def _shapes(run: RunData, approach: str) -> list[tuple[ModeKey, NDArray[np.compl
     return [(key, re + 1j * im) for key, (re, im) in found if re is not None and im is not None]
 
 
-def _mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+def _mesh(path: Path) -> tuple[Array, Ints, Ints]:
     """Corners of the cells [m], cells over them, and the point of the file of each corner."""
     points, cells, types = _read(path, "Points", "Connectivity", "Types").values()
     cells = cells.reshape(len(types), -1)
@@ -104,14 +100,12 @@ def _mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[n
 
 
 def _header(run: RunData) -> dict[str, Any]:
-    return {
-        "type": 151, "model_name": str(run.summary.get("name", run.directory.name))[:80],
-        "description": "complex modes, SI units", "db_app": "brake_fenicsx",
-        "program": "brake_fenicsx",
-    }  # fmt: skip
+    name = str(run.summary.get("name", run.directory.name))[:80]
+    by = dict.fromkeys(("db_app", "program"), "brake_fenicsx")
+    return {"type": 151, "model_name": name, "description": "complex modes, SI units", **by}
 
 
-def _model(points: NDArray[np.float64], cells: NDArray[np.int64]) -> list[dict[str, Any]]:
+def _model(points: Array, cells: Ints) -> list[dict[str, Any]]:
     """Nodes, numbered from 1, and volume elements."""
     zero = np.zeros(len(points), dtype=int)
     nodes: dict[Any, Any] = {
@@ -127,7 +121,7 @@ def _model(points: NDArray[np.float64], cells: NDArray[np.int64]) -> list[dict[s
     return [nodes, {"type": 2412, descriptor: elements}]
 
 
-def _mode(run: RunData, number: int, key: ModeKey, shape: NDArray[np.complex128]) -> dict[str, Any]:
+def _mode(run: RunData, number: int, key: ModeKey, shape: Complex) -> dict[str, Any]:
     """A complex mode."""
     modes = run.modes or {}
     row = np.flatnonzero(

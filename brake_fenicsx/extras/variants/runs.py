@@ -17,9 +17,8 @@ from brake_fenicsx import pipeline
 from brake_fenicsx.errors import BrakeError, StorageError
 from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger, start_log
-from brake_fenicsx.folder.processes import on_first, release_memory
+from brake_fenicsx.folder.processes import TimeUp, limited, on_first, release_memory
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.folder.termination import TimeUp, limited
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import result_digest
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.micro.law import LawLibrary, LawSteps
-from brake_fenicsx.micro.support import PRESSURES
+from brake_fenicsx.micro.library import PRESSURES
 from brake_fenicsx.report import style
 from brake_fenicsx.report.contact_figures import settings_of
 from brake_fenicsx.report.page_blocks import Block, Picture, Table, Text

@@ -12,8 +12,6 @@ In kappa = -lambda^2 (undamped) a trapezium, in lambda (damped) a rectangle, bot
 the real axis. Modes are counted in them; an edge that ran through a cluster would split it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -121,10 +119,9 @@ def damped_region(s: Complex, high: float, wide: float, margin: float = RIM) -> 
     """
     wide *= high
     inner = s[np.abs(s.real) < margin * wide]
-    return Trapezium(
-        widest_gap(s.real, -margin * wide, -wide), widest_gap(s.real, wide, margin * wide), 0.0,
-        widest_gap(np.abs(inner.imag), high, margin * high),
-    )  # fmt: skip
+    left, right = ((-margin * wide, -wide), (wide, margin * wide))
+    top = widest_gap(np.abs(inner.imag), high, margin * high)
+    return Trapezium(widest_gap(s.real, *left), widest_gap(s.real, *right), 0.0, top)
 
 
 def count_zeros(
@@ -178,9 +175,8 @@ def turn_along(phase: Callable[[complex], complex], path: Complex, most: int = 2
     def turn(a: complex, b: complex, at_a: complex, at_b: complex) -> float:
         nonlocal evaluated
         if evaluated >= most or not abs(b - a) > shortest:
-            raise InaccurateResult(
-                "count of modes: an eigenvalue lies on the edge of the band; move the band a little"
-            )
+            raise InaccurateResult("""count of modes: an eigenvalue lies on the edge of the band;
+                move the band a little""")
         evaluated += 1
         middle = 0.5 * (a + b)
         at_middle = phase(middle)

@@ -9,8 +9,6 @@ Reference: R. G. Grimes, J. G. Lewis and H. D. Simon, SIAM J. Matrix Anal. Appl.
 doi:10.1137/S0895479888151111.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +21,7 @@ from brake_fenicsx.folder.processes import release_memory
 from brake_fenicsx.macro.condensation import Solves
 from brake_fenicsx.macro.solver import BlockProduct, Factor
 
-from .arnoldi import combined, shares
+from .eigenpairs import combined, shares
 
 # -sigma as a share of the highest kappa of the band: rigid modes stay clear of round-off, and the
 # spectrum is hardly compressed. A divergence needs a larger shift; with one that is a hundred times
@@ -109,9 +107,8 @@ def count_below(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[int, 
         count = factor.negative_pivots
         factor.destroy()
         return count, at
-    raise InaccurateResult(
-        f"inertia: K - kappa M is singular at and near {np.sqrt(abs(kappa)) / 2 / np.pi:.6g} Hz"
-    )
+    raise InaccurateResult(f"""inertia: K - kappa M is singular at and near
+        {np.sqrt(abs(kappa)) / 2 / np.pi:.6g} Hz""")
 
 
 def symmetric_modes(
@@ -186,10 +183,8 @@ def complete(
         expected, limit = count_below(K, M, limit * (1 + 100 * ON_EDGE))
     inside = kappa < limit
     if inside.sum() != expected:
-        raise InaccurateResult(
-            f"{inside.sum()} modes found below {np.sqrt(limit) / 2 / np.pi:.6g} Hz without"
-            f" friction, inertia counts {expected}"
-        )
+        raise InaccurateResult(f"""{inside.sum()} modes found below {np.sqrt(limit) / 2 / np.pi:.6g}
+            Hz without friction, inertia counts {expected}""")
     return inside, limit
 
 

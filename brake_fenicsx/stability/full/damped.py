@@ -16,8 +16,6 @@ vectors are the conjugate right ones of the transposed matrices; of symmetric on
 Reference: F. Tisseur and K. Meerbergen, SIAM Review 43 (2001) 235, doi:10.1137/S0036144500381988.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -33,7 +31,6 @@ from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers import eigenpairs
 from ..eigensolvers.argument_principle import RIM
-from ..eigensolvers.arnoldi import nearest_modes, times
 from ..eigensolvers.symmetric import SHIFT, count_below, is_symmetric
 from ..modes import NEAR_ZERO, Count, Modes, damped_rows
 from .dense import DENSE, counted_quadratic, dense_quadratic_modes
@@ -72,7 +69,9 @@ def quadratic_modes(
         apply, lu = _operator(m, c, k, s, high)
         n = K.shape[0]
         # A little further, so that each of the right ones has its left one.
-        found, X = nearest_modes(apply, 2 * n, s, RIM * reach, 2 * count + 2, RIM * leftmost)
+        found, X = eigenpairs.nearest_modes(
+            apply, 2 * n, s, RIM * reach, 2 * count + 2, RIM * leftmost
+        )
         lu.destroy()
         return found, X[:n]
 
@@ -143,12 +142,11 @@ def damped_modes(
     condition, error = eigenpairs.damped_errors(pencil, s, right, left)
     rows, s = damped_rows(s, right, error, (low, high), zeta_max)
     right, left = right[:, rows], left[:, rows]
-    R, MX = pencil.times(s, right), times(pencil.M, right)
+    R, MX = pencil.times(s, right), eigenpairs.times(pencil.M, right)
     residual, backward = eigenpairs.residuals(pencil, s, right, R, MX)
     if np.any((residual > tolerance) & (backward > eigenpairs.ROUND_OFF)):
-        raise NotConverged(
-            f"damped modes: relative residual {residual.max():.1e}, wanted {tolerance:.0e}"
-        )
+        raise NotConverged(f"""damped modes: relative residual {residual.max():.1e}, wanted
+            {tolerance:.0e}""")
     return Modes(
         s, right, left, residual, error[rows], condition[rows],
         replace(counting, expected=s.size), time.perf_counter() - start,

@@ -4,8 +4,6 @@ Of the shifted inverse, so that the low modes are as exact as they are for large
 where a spring is 1e12 times stiffer than the rest, and a massless dof gives no infinite eigenvalue.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -14,8 +12,7 @@ from brake_fenicsx.arguments import AnyArray, Array, Complex, Mask
 from brake_fenicsx.errors import InaccurateResult
 
 from ..eigensolvers.argument_principle import count_zeros, damped_region, undamped_region
-from ..eigensolvers.arnoldi import on_parts
-from ..eigensolvers.eigenpairs import QuadraticPencil
+from ..eigensolvers.eigenpairs import QuadraticPencil, on_parts
 from ..eigensolvers.symmetric import SHIFT, count_below
 from ..modes import Count
 from .interface import Found, SplitProblem, agree

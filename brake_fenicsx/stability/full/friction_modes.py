@@ -24,8 +24,6 @@ along the edge; the largest value of the left-hand side is kept with the count. 
 for rough contact. Each further R_j that is known makes it smaller by |kappa'| / limit'.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil
@@ -41,8 +39,7 @@ from brake_fenicsx.folder.processes import in_turns, on_first, release_memory
 from brake_fenicsx.macro.solver import BlockProduct
 
 from ..eigensolvers import argument_principle, symmetric
-from ..eigensolvers.arnoldi import BLOCK, combined, nearest_modes, times
-from ..eigensolvers.eigenpairs import both_sides
+from ..eigensolvers.eigenpairs import BLOCK, both_sides, combined, nearest_modes, times
 from ..modes import Count
 from . import interface
 
@@ -156,7 +153,7 @@ def _starting_block(Phi: Array) -> Array:
 def _both_sides(
     p: interface.SplitProblem,
     inverse: interface.Inverse,
-    modes: InterfaceModes,
+    modes: "InterfaceModes",
     reach: float,
     start: Array,
     comm: MPI.Comm,

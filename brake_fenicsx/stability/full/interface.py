@@ -10,8 +10,6 @@ right' right themselves. What is behind the interface is reached by solves with 
 ``SplitProblem`` is the undamped problem so taken apart.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -25,7 +23,7 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import BlockProduct, Factor, blocks
 
-from ..eigensolvers.arnoldi import combined, shares
+from ..eigensolvers.eigenpairs import combined, shares
 from ..modes import Count
 
 # Most moments of the interface, right S^-1 (M S^-1)^j left', j = 0, 1, ..., and the highest power m
@@ -309,6 +307,5 @@ def agree(found: int, expected: int, high: float, by: str) -> None:
         InaccurateResult: they differ.
     """
     if found != expected:
-        raise InaccurateResult(
-            f"{found} modes found up to {np.sqrt(high) / 2 / np.pi:g} Hz, {by} counts {expected}"
-        )
+        raise InaccurateResult(f"""{found} modes found up to {np.sqrt(high) / 2 / np.pi:g} Hz, {by}
+            counts {expected}""")

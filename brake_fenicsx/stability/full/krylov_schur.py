@@ -8,8 +8,6 @@ Nothing counts these modes.
 Reference: G. W. Stewart, SIAM J. Matrix Anal. Appl. 23 (2002) 601, doi:10.1137/S0895479800371529.
 """
 
-from __future__ import annotations
-
 import brake_fenicsx.petsc_started  # noqa: F401
 from brake_fenicsx.arguments import Complex
 
@@ -96,11 +94,9 @@ def _nearest(
     eps.solve()
     got = eps.getConverged()
     if got < wanted:
-        raise NotConverged(
-            f"eigensolver: {got} of {wanted} modes converged near"
-            f" {np.sqrt(sigma) / 2 / np.pi:.0f} Hz in {eps.getIterationNumber()} restarts; take a"
-            " narrower band, or a smaller zeta_max"
-        )
+        raise NotConverged(f"""eigensolver: {got} of {wanted} modes converged near
+            {np.sqrt(sigma) / 2 / np.pi:.0f} Hz in {eps.getIterationNumber()} restarts; take a
+            narrower band, or a smaller zeta_max""")
     x, y = K.createVecs()
     kappa, X = np.empty(got, dtype=complex), np.empty((x.size, got), dtype=complex)
     for i in range(got):

@@ -14,8 +14,6 @@ At equilibrium, lambda = 0, elastic coordinates are eliminated; those of a body 
 without contact, or nearly so, have no inverse and are kept.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -68,7 +66,7 @@ class Chosen:
     there: list[Index]
 
     @classmethod
-    def of(cls, bodies: Sequence[Placed], elements: Index, every: int) -> Chosen:
+    def of(cls, bodies: Sequence[Placed], elements: Index, every: int) -> "Chosen":
         """Choose elements.
 
         Args:

@@ -12,8 +12,6 @@ with n. v stays orthogonal to W in the mass of the centre.
 The reduced bodies in the brake: each one itself, or a mirror image of another one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

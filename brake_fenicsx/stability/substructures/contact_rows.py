@@ -15,8 +15,6 @@ of each contact element, along the rows I = [N; T] or [N; T; R]; see ``damping``
 They are J u of the gaps and slip rates u = [g; lambda v_T; lambda v_R].
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -119,7 +117,7 @@ class ContactLinearisation:
     @classmethod
     def of(
         cls, k: ArrayLike, mu: ArrayLike, along: ArrayLike = 0.0, across: ArrayLike = 0.0
-    ) -> ContactLinearisation:
+    ) -> "ContactLinearisation":
         """Check and complete the numbers of one sample.
 
         Args:
@@ -137,9 +135,8 @@ class ContactLinearisation:
         for name, value in named.items():
             given = np.asarray(value, dtype=float)
             if k.ndim != 1 or given.shape not in ((), k.shape):
-                raise SceneError(
-                    f"{name}: shape {given.shape}, one value for each contact element is needed"
-                )
+                raise SceneError(f"""{name}: shape {given.shape}, one value for each contact element
+                    is needed""")
             if not np.all(np.isfinite(given)):
                 raise SceneError(f"{name}: a value is not finite")
             out[name] = np.broadcast_to(given, k.shape)
@@ -155,7 +152,7 @@ class ContactLinearisation:
             (self.k > 0) | (self.friction != 0) | (self.along != 0) | (self.across != 0)
         )
 
-    def scaled(self, w: Array, elements: Index, omega: float) -> ContactLinearisation:
+    def scaled(self, w: Array, elements: Index, omega: float) -> "ContactLinearisation":
         """Forces of some elements over their motions, in units of the band's end.
 
         Args:
@@ -164,10 +161,9 @@ class ContactLinearisation:
             omega: end of the band [rad/s].
         """
         force, rate = w[elements] / omega**2, w[elements] / omega
-        return ContactLinearisation(
-            force * self.k[elements], force * self.friction[elements],
-            rate * self.along[elements], rate * self.across[elements],
-        )  # fmt: skip
+        k, friction = force * self.k[elements], force * self.friction[elements]
+        along, across = rate * self.along[elements], rate * self.across[elements]
+        return ContactLinearisation(k, friction, along, across)
 
     def after(self, A: AnyArray, rows: Rows) -> AnyArray:
         """A J, in the precision of A.

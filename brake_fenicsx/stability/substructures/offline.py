@@ -5,8 +5,6 @@ contact of a typical sample these give the errors of modes as the samples will s
 many exceed the tolerance, the parameters whose highest degree changes the modes most get more.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -202,10 +200,8 @@ class Reduced:
         own, areas = whole(K), np.asarray(w, float)
         for name, A in (("N", N), ("T", T)):
             if not sp.issparse(A) or A.shape != (areas.size, own.shape[0]):
-                raise SceneError(
-                    f"{name}: a sparse matrix of shape ({areas.size}, {own.shape[0]}) is needed,"
-                    " one row for each contact element and one column for each dof"
-                )
+                raise SceneError(f"""{name}: a sparse matrix of shape ({areas.size}, {own.shape[0]})
+                    is needed, one row for each contact element and one column for each dof""")
         for name, value in (("k0", np.asarray(k0, float)), ("w", areas)):
             if value.shape not in ((), areas.shape):
                 raise SceneError(f"{name}: shape {value.shape}; give one value, or one per element")
@@ -322,10 +318,8 @@ def higher(
         found = np.minimum(orders + np.clip(wanted - less, 0, MORE), np.maximum(HIGHEST, orders))
         if np.any(found > orders) and points(found) <= most:
             names = np.array(model.parameters.names or range(orders.size), dtype=str)
-            logger.info(
-                "reduced model: errors up to %.0e over the range of %s; made again, of degree %d",
-                lacking.error, ", ".join(names[found > orders]), found.max(),
-            )  # fmt: skip
+            said = "reduced model: errors up to %.0e over the range of %s; made again, of degree %d"
+            logger.info(said, lacking.error, ", ".join(names[found > orders]), found.max())
             return np.asarray(found), lacking.each
     return None
 

@@ -15,8 +15,6 @@ trial space is found, and one that comes in from without shows in the residual o
 with.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +27,7 @@ from numpy.typing import ArrayLike
 from brake_fenicsx.arguments import AnyArray, Array, Complex
 from brake_fenicsx.errors import InaccurateResult
 
-from ..eigensolvers.arnoldi import on_parts
+from ..eigensolvers.eigenpairs import on_parts
 from ..modes import Count, Modes
 from .block_matrix import BlockMatrix
 from .contact_rows import SIGMA, ContactLinearisation
@@ -107,7 +105,7 @@ class TrialSpace:
     polynomials: float
 
     @classmethod
-    def of(cls, held: list[Held], b: BlockMatrix, tolerance: float) -> TrialSpace:
+    def of(cls, held: list[Held], b: BlockMatrix, tolerance: float) -> "TrialSpace":
         """Of the vectors of some values."""
         value, U = la.eigh(sum(h.a @ h.a.T for h in held))
         kept = value > KEPT**2 * tolerance * value[-1]

@@ -12,8 +12,6 @@ from one degree lower, times what one degree more gains, and by the errors that 
 points between the anchors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product

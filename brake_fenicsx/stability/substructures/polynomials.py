@@ -18,8 +18,6 @@ coefficient is regular, the leading one of a truncated series is not (Tisseur an
 Review 43, 2001, doi:10.1137/S0036144500381988).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -29,7 +27,7 @@ import scipy.linalg as la
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.iteration import Steps, sizes
 
-from ..eigensolvers.arnoldi import times
+from ..eigensolvers.eigenpairs import times
 from .contact_rows import SIGMA, Rows
 
 Coefficients = Array | Sequence[Array]
@@ -186,7 +184,7 @@ class Zeros:
         """The chosen zeros."""
         return np.asarray(self.every[self.chosen])
 
-    def taken(self, some: Index) -> Zeros:
+    def taken(self, some: Index) -> "Zeros":
         """Some of those that were chosen."""
         return Zeros(self.every, self.chosen[some], self.right[:, some], self.left[:, some])
 

@@ -6,8 +6,6 @@ Offline, each substructure gives its kept modes and polynomials of what they lea
 an inertia count proves the kept modes complete and no pole of what is left out lies in the band.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -23,7 +21,7 @@ from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.processes import release_memory
 
-from ..eigensolvers.arnoldi import with_conjugates
+from ..eigensolvers.eigenpairs import with_conjugates
 from ..modes import Count, Modes, damped_rows, undamped_rows
 from . import vectors
 from .block_matrix import FREE, BlockMatrix, Chosen, assembled, static_compliance
@@ -100,7 +98,7 @@ class ReducedModel:
         self._kept: tuple[Array, BlockMatrix] | None = None
 
     @staticmethod
-    def offline(*given: Any, **named: Any) -> ReducedModel:
+    def offline(*given: Any, **named: Any) -> "ReducedModel":
         """Reduce the bodies of a brake and take the model; see ``reduce_bodies``."""
         from .offline import reduce_bodies
 
@@ -299,9 +297,8 @@ class ReducedModel:
     ) -> Sample:
         """The reduced problem of a sample; arguments as for ``modes``, bodies other than ``at``."""
         if contact.k.shape != self._w.shape:
-            raise SceneError(
-                f"k: {contact.k.size} values for {self._w.size} contact elements of the model"
-            )
+            raise SceneError(f"""k: {contact.k.size} values for {self._w.size} contact elements of
+                the model""")
         x, views = np.asarray(p, float), self.at(p) if views is None else views
         # One open element in place of none: its force is zero. There may be no element at all.
         elements, n = contact.closed, self._w.size

@@ -1,7 +1,5 @@
 """Offline stage of one substructure: kept modes, projected matrices, values at the anchors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil
@@ -229,10 +227,8 @@ class Reduction:
         size = [float(np.linalg.norm(A)) for A in coefficients]
         # W'P(w) is of second degree in w: the first ones may grow.
         if self._rows.damped and max(size[3:]) > max(size[:3]) and missing > ROUND_OFF:
-            raise InaccurateResult(
-                "damping too large for the frequency expansion of the reduced model up to the end"
-                " of the band"
-            )
+            raise InaccurateResult("""damping too large for the frequency expansion of the reduced
+                model up to the end of the band""")
 
 
 def proportional(
@@ -282,10 +278,9 @@ def kept_modes(
         least *= POLES / (softening * pole)
     reach = float(np.sqrt(softening * pole))
     if reach < NEAREST:
-        raise InaccurateResult(
-            f"modes that are left out come down to {reach:.2f} times the end of the band where a"
-            " length, a density or a mass changes: narrow its range, or raise stability.cutoff"
-        )
+        raise InaccurateResult(f"""modes that are left out come down to {reach:.2f} times the end of
+            the band where a length, a density or a mass changes: narrow its range, or raise
+            stability.cutoff""")
     return KeptModes(W, kappa, kept, reach)
 
 

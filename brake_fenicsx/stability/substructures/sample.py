@@ -5,8 +5,6 @@ another zero that is not the size of the move: two zeros that merge move by its 
 Perturbation Theory for Linear Operators, 1980, chapter II).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,7 +14,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 
-from ..eigensolvers.arnoldi import times
+from ..eigensolvers.eigenpairs import times
 from .block_matrix import BlockMatrix, Chosen
 from .component import AtPoint, Placed
 from .contact_rows import ContactLinearisation, Rows

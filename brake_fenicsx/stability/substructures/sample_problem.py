@@ -20,8 +20,6 @@ coefficients of u are u_m = Lambda_0 y_m + Lambda' y_m-1, and
     (1 + (E_0 - 1) Lambda_0) y_m = source_m - (E_0 - 1) Lambda' y_m-1 - sum_n>0 E_n (w^n u)_m.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -32,7 +30,7 @@ from brake_fenicsx.arguments import AnyArray, Array, Complex
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.iteration import remaining
 
-from ..eigensolvers.arnoldi import on_parts, times
+from ..eigensolvers.eigenpairs import on_parts, times
 from .contact_rows import SIGMA, Rows
 from .polynomials import Coefficients, Zeros, applied
 
@@ -163,11 +161,10 @@ class SampleProblem:
             sizes.append(float(la.norm(T[m])) * end**m)
             if m >= LEAST[rates] and max(sizes[-2 if rates else -1 :]) <= SETTLED * sizes[0]:
                 return np.array(y), np.array(T)
-        raise InaccurateResult(
-            "the motions of the contact are no short series in lambda: its forces that follow rates"
-            " (damping of sliding mu p / V, or falling friction) are too strong for the reduced"
-            ' model; use stability.method = "full", or stability.on_tolerance = "full order"'
-        )
+        raise InaccurateResult("""the motions of the contact are no short series in lambda: its
+            forces that follow rates (damping of sliding mu p / V, or falling friction) are too
+            strong for the reduced model; use stability.method = "full", or stability.on_tolerance =
+            "full order" """)
 
     def quotient(self, found: Zeros) -> Quotient:
         """The two-sided quotient with all coefficients, for some zeros."""

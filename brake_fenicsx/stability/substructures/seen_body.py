@@ -17,8 +17,6 @@ It is smooth up to the eigenvalues of the body that is held at W'M u = 0, beyond
 shift of the reduced model S itself serves as an operator (``Complement``).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,10 +24,9 @@ import scipy.sparse as sp
 
 from brake_fenicsx.arguments import AnyArray, Array
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.macro.schur import InterfaceFactor
-from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.macro.solver import Factor, InterfaceFactor
 
-from ..eigensolvers.arnoldi import plus
+from ..eigensolvers.eigenpairs import plus
 from ..eigensolvers.symmetric import is_symmetric
 from .contact_rows import SIGMA, Rows
 
@@ -102,7 +99,7 @@ class SeenBody:
         factor.destroy()
         return not negative
 
-    def _seen(self, P: sp.csr_matrix, factor: _Factor, acting: sp.csr_matrix) -> AnyArray:
+    def _seen(self, P: sp.csr_matrix, factor: "_Factor", acting: sp.csr_matrix) -> AnyArray:
         """The same from a factor of P."""
         m, c = self.W.shape[1], self.interface["N"].shape[0]
         starts = c * np.array([self.rows.acting.index(name) for name in self.rows.followed])

@@ -11,8 +11,6 @@ share (Rayleigh damping, loss factors), and what the damping alone is made of. A
 other side of the disc is often the mirror image of the first one; then one of the two is reduced.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -146,7 +144,7 @@ class Substructure:
         return out
 
     @classmethod
-    def from_arrays(cls, arrays: dict[str, AnyArray]) -> Substructure:
+    def from_arrays(cls, arrays: dict[str, AnyArray]) -> "Substructure":
         """The body, on the same memory: the arrays may be mapped from a file."""
         columns = arrays["dofs"].size
 
@@ -322,10 +320,8 @@ def _reordered(
         rows["R"] = -rows["R"]
     if not all(same(A, rows[name]) for name, A in original.interface.items()):
         return None
-    moved = replace(
-        original, dofs=other.dofs[dofs], elements=other.elements[elements], loads=loads,
-        points=None,
-    )  # fmt: skip
+    dofs, elements = other.dofs[dofs], other.elements[elements]
+    moved = replace(original, dofs=dofs, elements=elements, loads=loads, points=None)
     return MirrorImage(moved, signs, across)
 
 

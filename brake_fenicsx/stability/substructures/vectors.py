@@ -11,8 +11,6 @@ is the mode of the transposed problem, bodies transposed, and forces along the r
 are followed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -26,7 +24,7 @@ from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.folder.processes import in_turns, release_memory
 from brake_fenicsx.iteration import Steps, sizes
 
-from ..eigensolvers.arnoldi import on_parts, times
+from ..eigensolvers.eigenpairs import on_parts, times
 from .block_matrix import Chosen, assembled
 from .component import Component, Placed
 from .contact_rows import Rows

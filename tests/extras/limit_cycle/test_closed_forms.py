@@ -7,17 +7,22 @@ from scipy.optimize import root
 from scipy.special import ellipk, iv
 
 from brake_fenicsx.extras.limit_cycle.bodies import Bodies
-from brake_fenicsx.extras.limit_cycle.contact_forces import PeriodForces
-from brake_fenicsx.extras.limit_cycle.floquet import exponents, verdict
 from brake_fenicsx.extras.limit_cycle.growth import (
     STABLE,
     UNSTABLE,
     Cycle,
     GrowthBranch,
+    exponents,
     follow,
     time_to_reach,
+    verdict,
 )  # fmt: skip
-from brake_fenicsx.extras.limit_cycle.harmonic_balance import HarmonicBalance, Tangent, Vibration
+from brake_fenicsx.extras.limit_cycle.harmonic_balance import (
+    HarmonicBalance,
+    PeriodForces,
+    Tangent,
+    Vibration,
+)
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.macro.sliding_friction import SlidingFriction
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law

@@ -5,8 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from brake_fenicsx.extras.limit_cycle.bodies import Bodies
-from brake_fenicsx.extras.limit_cycle.floquet import exponents, verdict
-from brake_fenicsx.extras.limit_cycle.growth import follow
+from brake_fenicsx.extras.limit_cycle.growth import exponents, follow, verdict
 from brake_fenicsx.extras.limit_cycle.harmonic_balance import HarmonicBalance, Tangent
 
 K, C = np.array([[2.0, -0.4, 0], [-0.4, 0.3, 0], [0, 0, 400.0]]), np.diag([0.05, 0.05, 0.5])

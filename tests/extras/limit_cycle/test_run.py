@@ -4,7 +4,6 @@ import re
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -22,14 +21,13 @@ from brake_fenicsx.extras.limit_cycle.cycle_figures import (
 )
 from brake_fenicsx.extras.limit_cycle.cycle_tables import CYCLES, FAMILIES, _families
 from brake_fenicsx.extras.limit_cycle.cycles import MEASURES, limit_cycles
-from brake_fenicsx.extras.limit_cycle.floquet import verdict
-from brake_fenicsx.extras.limit_cycle.growth import EXACTLY
+from brake_fenicsx.extras.limit_cycle.growth import EXACTLY, verdict
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.scene import read_scene
+from places import SQUEALING
 from processes import parallel
 from run_tables import read_columns
 
-BLOCK = Path(__file__).parents[3] / "scripts" / "scenes" / "squealing_block.toml"
 PLAIN = [
     "stages=['surface','equilibrium','stability','uncertainty']", "samples.n=2",
     "countermeasures=[]", "contact.block_plate.friction=0.5",
@@ -47,7 +45,7 @@ def done(tmp_path_factory, all_without_pixels):
     """A run with the page; all figures are made, and stored as one pixel each."""
     folder = tmp_path_factory.mktemp("run") / "out"
     stages = GIVEN[0].replace("'uncertainty'", "'uncertainty','report'")
-    run(BLOCK, MPI.COMM_SELF, folder, [stages, *GIVEN[1:]])
+    run(SQUEALING, MPI.COMM_SELF, folder, [stages, *GIVEN[1:]])
     return folder
 
 
@@ -121,7 +119,7 @@ def test_one_family_has_one_frequency_on_the_page(done):
 def test_a_cycle_that_gives_way_has_no_loudness(monkeypatch):
     """What takes its place was 3.3 times as large by time steps; its amplitude stays."""
     monkeypatch.setattr(module, "verdict", lambda *_: "gives way: its period doubles")
-    (cycle,) = limit_cycles(prepare(BLOCK, GIVEN), sample=1)
+    (cycle,) = limit_cycles(prepare(SQUEALING, GIVEN), sample=1)
     assert cycle["outcome"].startswith("gives way") and cycle["amplitude_um"] > 0.3
     assert np.isnan(cycle["level_1m_db"]) and np.isnan(cycle["sound_power_db"])
 
@@ -156,7 +154,7 @@ def test_a_killed_run_goes_on_with_the_same_numbers(done, tmp_path):
     for name in TABLES:
         (folder / name).unlink()
     stages = GIVEN[0].replace("'uncertainty'", "'uncertainty','report'")
-    run(BLOCK, MPI.COMM_SELF, folder, [stages, *GIVEN[1:]])
+    run(SQUEALING, MPI.COMM_SELF, folder, [stages, *GIVEN[1:]])
     same_numbers(folder, done, TABLES)
     for name in TABLES[:2]:  # what was kept is not computed again
         kept = [
@@ -174,13 +172,13 @@ def test_two_processes_give_the_cycles_of_one(done, tmp_path):
     given = [w for text in GIVEN for w in ("--set", text)]
     words = [mpirun, "-n", "2", "--oversubscribe", sys.executable, "-m", "brake_fenicsx", "run"]
     subprocess.run(
-        [*words, str(BLOCK), "-o", str(tmp_path / "two"), *given], check=True, **parallel()
+        [*words, str(SQUEALING), "-o", str(tmp_path / "two"), *given], check=True, **parallel()
     )
     same_numbers(tmp_path / "two", done, TABLES[:2])
 
 
 def test_python_gives_what_the_table_says(done):
-    model = prepare(BLOCK, GIVEN)
+    model = prepare(SQUEALING, GIVEN)
     (cycle,) = limit_cycles(model, sample=1)
     cycles = read_columns(done / "limit_cycle.csv")
     assert cycle["outcome"] == cycles["outcome"][1] and cycle["mode"] == cycles["mode"][1]
@@ -189,7 +187,7 @@ def test_python_gives_what_the_table_says(done):
     amplitude, s = cycle["branch"]
     assert amplitude[0].real < 1e-6 * cycle["amplitude_um"] and s[0].real > 0 > s[-1].real
     with pytest.raises(SceneError, match="limit_cycle: the section is missing"):
-        limit_cycles(prepare(BLOCK, PLAIN))
+        limit_cycles(prepare(SQUEALING, PLAIN))
 
 
 def test_a_mode_that_grows_less_than_the_threshold_is_not_followed(done):
@@ -197,7 +195,7 @@ def test_a_mode_that_grows_less_than_the_threshold_is_not_followed(done):
     cycles = read_columns(done / "limit_cycle.csv")
     growth = cycles["linear_alpha_1_s"] / (np.pi * cycles["linear_frequency_hz"])
     threshold = f"stability.threshold={1.1 * growth.max()}"
-    assert limit_cycles(prepare(BLOCK, [*GIVEN, threshold]), sample=1) == []
+    assert limit_cycles(prepare(SQUEALING, [*GIVEN, threshold]), sample=1) == []
 
 
 @pytest.mark.parametrize(
@@ -211,18 +209,18 @@ def test_a_mode_that_grows_less_than_the_threshold_is_not_followed(done):
 )
 def test_what_cannot_be_computed_is_refused(more, said):
     with pytest.raises(SceneError, match=said):
-        read_scene(BLOCK, [*GIVEN, *more])
+        read_scene(SQUEALING, [*GIVEN, *more])
 
 
 def test_a_face_that_is_not_there_is_named(tmp_path):
     with pytest.raises(SceneError, match=re.escape("limit_cycle.radiating[0]: no face 'block.up'")):
-        prepare(BLOCK, [*GIVEN, "limit_cycle.radiating=['block.up']"])
+        prepare(SQUEALING, [*GIVEN, "limit_cycle.radiating=['block.up']"])
 
 
 @pytest.mark.hard
 def test_one_sample_takes_the_reduced_model_for_its_cycles(done, tmp_path):
     """One sample with [limit_cycle]: the method that the scene names, the numbers of the others."""
-    run(BLOCK, MPI.COMM_SELF, tmp_path / "one", [*GIVEN, "samples.n=1"])
+    run(SQUEALING, MPI.COMM_SELF, tmp_path / "one", [*GIVEN, "samples.n=1"])
     for name in TABLES[:2]:
         rows = [(f / name).read_text().splitlines() for f in (done, tmp_path / "one")]
         assert len(rows[1]) > 1 and rows[1] == [x for x in rows[0] if x.split(",")[1] != "1"]
@@ -232,7 +230,7 @@ def test_one_sample_takes_the_reduced_model_for_its_cycles(done, tmp_path):
 def test_samples_that_full_order_takes_lose_their_cycles_alone(tmp_path):
     """[limit_cycle] with a tolerance that no mode keeps: modes of full order, cycles named lost."""
     more = ["stability.tolerance=1e-12", "stability.on_tolerance='full order'"]
-    run(BLOCK, MPI.COMM_SELF, tmp_path / "full", [*GIVEN, *more])
+    run(SQUEALING, MPI.COMM_SELF, tmp_path / "full", [*GIVEN, *more])
     samples, modes = (read_columns(tmp_path / "full" / f"{n}.csv") for n in ("samples", "modes"))
     assert list(samples["status"]) == ["ok", "ok"] and "unstable" in set(modes["verdict"])
     assert not (tmp_path / "full" / TABLES[0]).read_text().splitlines()[1:]
@@ -242,6 +240,6 @@ def test_samples_that_full_order_takes_lose_their_cycles_alone(tmp_path):
 
 def test_the_log_says_why_a_lone_sample_is_at_full_order(tmp_path):
     """method = "reduced" with one sample, and nothing that only a reduced model has."""
-    run(BLOCK, MPI.COMM_SELF, tmp_path / "out", [*PLAIN, "samples.n=1", "stability.verify=1"])
+    run(SQUEALING, MPI.COMM_SELF, tmp_path / "out", [*PLAIN, "samples.n=1", "stability.verify=1"])
     log = (tmp_path / "out" / "log.txt").read_text()
     assert "one sample, at full order although" in log and "nothing to verify" in log

@@ -1,16 +1,13 @@
 """Limit cycles of whole samples against time steps of their finite-element matrices."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from brake_fenicsx import prepare
-from brake_fenicsx.extras.limit_cycle.floquet import exponents, verdict
-from brake_fenicsx.extras.limit_cycle.growth import STABLE
+from brake_fenicsx.extras.limit_cycle.growth import STABLE, exponents, verdict
+from places import SCENES
 from time_steps import TimeSteps, measured
 
-SCENES = Path(__file__).parents[3] / "scripts" / "scenes"
 STAGES = "stages=['surface','equilibrium','stability','uncertainty']"
 HALF_MICRON = "law={ p0 = '10 MPa', u0 = '0.5 um' }, gap='hdf', friction=0.5"
 # Scene, what is changed in it, and the frequency beyond which the time steps damp all modes [Hz].

@@ -4,8 +4,6 @@ Bar: Timoshenko's free beam in closed form (numerically solved determinant). Dis
 other cells, its shapes at measured points, with noise and an arbitrary phase.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -17,11 +15,11 @@ from brake_fenicsx.extras.measured.study import paired
 from brake_fenicsx.mac import mac
 from brake_fenicsx.scene import read_scene
 from free_beam import HEIGHT, LENGTH, RHO, E, free_beam
+from places import SCENES
 from run_tables import read_columns
 from universal_files import geometry, write_sets
 
 pyuff = pytest.importorskip("pyuff")
-SCENES = Path(__file__).parents[3] / "scripts" / "scenes"
 BLOCK, BRAKE = SCENES / "block_on_plate.toml", SCENES / "disc_brake_demo.toml"
 # The plate as a bar of iron, its top at z = 0.
 BAR = [

@@ -2,7 +2,6 @@
 
 import re
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,10 +22,10 @@ from brake_fenicsx.extras.measured.posterior import (
     misfit,
 )
 from brake_fenicsx.scene import read_scene
+from places import SCENES
 from run_tables import read_rows
 from universal_files import function, write_sets
 
-SCENES = Path(__file__).parents[3] / "scripts" / "scenes"
 PAD, BOX = SCENES / "lining_pad.toml", SCENES / "measured" / "aluminium_box.toml"
 COARSE_PAD = ["parts.pad.size='25 mm'", "parts.pad.plate_size='25 mm'"]
 COARSE = ["parts.box.size='4 mm'"]

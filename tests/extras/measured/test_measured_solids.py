@@ -1,7 +1,6 @@
 """Resonances of three solids against measurements, and of the box against Rayleigh-Ritz."""
 
 import importlib.util
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +8,9 @@ import pytest
 from brake_fenicsx.build.material_table import stiffness
 from brake_fenicsx.extras.measured.part_modes import part_modes
 from brake_fenicsx.scene import read_scene
+from places import ROOT
 from ritz import box_frequencies
 
-ROOT = Path(__file__).parents[3]
 SCENES = ROOT / "scripts" / "scenes" / "measured"
 ALUMINIUM, CRYSTAL = (11.92e-3, 10.93e-3, 9.86e-3), (1.490e-3, 2.035e-3, 3.020e-3)
 

@@ -1,23 +1,27 @@
 """Frequency responses: closed forms of two masses and of a beam, and the full system solved."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
 from brake_fenicsx.cli import main
-from brake_fenicsx.extras.measured.part_modes import part_body, surface_rows
+from brake_fenicsx.extras.measured.part_modes import (
+    Damped,
+    frac,
+    part_body,
+    real_modes,
+    receptances,
+    surface_rows,
+)
 from brake_fenicsx.extras.measured.response_study import _damped
-from brake_fenicsx.extras.measured.responses import Damped, frac, real_modes, receptances
 from brake_fenicsx.scene import read_scene
 from free_beam import HEIGHT, LENGTH, NU, RHO, WIDTH, E, beam
+from places import SCENES
 from run_tables import read_columns
 from universal_files import function, geometry, write_sets
 
 pytest.importorskip("pyuff")
-SCENES = Path(__file__).parents[3] / "scripts" / "scenes"
 PAD = SCENES / "lining_pad.toml"
 BETA = 3e-6
 BAR = f"""\
