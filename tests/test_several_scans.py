@@ -90,7 +90,8 @@ def test_equal_scans_have_the_statistics_of_one(scene, tmp_path):
     two, one = read_surface(scene('["a.npz", "b.npz"]')), read_surface(scene('"a.npz"'))
     assert two.S_q == pytest.approx(one.S_q, rel=1e-12)
     assert pytest.approx(one.psd.C, rel=1e-12) == two.psd.C
-    assert two.bifractal.c2 == pytest.approx(one.bifractal.c2, rel=1e-9)
+    # The fit ends where its sum of squares stands still to 1e-8: far within its standard error.
+    assert two.bifractal.c2 == pytest.approx(one.bifractal.c2, abs=1e-3 * one.bifractal.errors[1])
     assert two.errors == (0, 0, 0, 0)
 
 
