@@ -280,9 +280,8 @@ def draw_pads(run: RunData, maps: Sequence[PadMap], colours: str) -> style.Figur
             if m.limits[0] == 0:
                 shown = np.where(shown > 0, shown, np.nan)
             image = PolyCollection(
-                list(corners * 1e3), cmap=colours, edgecolors="#b5b5b5", linewidths=0.15
+                list(corners * 1e3), cmap=colours, edgecolors="#b5b5b5", lw=0.15, array=shown
             )
-            image.set_array(shown)
             image.set_clim(*m.limits)
             image.cmap.set_bad("white")
             axis.add_collection(image)
@@ -293,6 +292,7 @@ def draw_pads(run: RunData, maps: Sequence[PadMap], colours: str) -> style.Figur
         figure.colorbar(image, ax=list(row), label=m.bar, extend=m.extend, shrink=0.9)
     for axis in axes[-1]:
         axis.set_xlabel("x [mm]")
+    figure.draw_without_rendering()  # ticks of the bars, and their width, follow from places
     return figure
 
 

@@ -96,7 +96,8 @@ class Search:
         folder, remedy = self.runs.folder, "choose another folder with -o"
         path = folder / OUTCOMES
         if not path.is_file():
-            there = {p.name for p in folder.glob("[!.]*")}
+            # A call that ended at its mesh leaves a cache and a log alone.
+            there = {p.name for p in folder.glob("[!.]*")} - {"cache", "log.txt"}
             if there and "before" not in there:
                 raise SceneError(
                     f"-o {folder}: contains {min(there)!r} and no countermeasures; {remedy}"
