@@ -57,7 +57,7 @@ def read_events(scene: Scene, states: Frame) -> Frame:
         same &= a == b if name == "direction" else np.isclose(a, b, 1e-6)
     for i in np.flatnonzero(same.sum(axis=1) != 1):
         text = f"is of {same[i].sum()} states; write the number of its state, or all that tells it"
-        raise SceneError(f"{file}: line {table.lines[i]}: {text}")
+        raise SceneError(f"{file}: line {table.lines[int(i)]}: {text}")
     rest = {"stop": given.index, "frequency": np.nan, "level": np.nan} | dict(given)
     found = given.assign(**{**rest, "state": same.argmax(axis=1) + 1})
     stops = found.groupby("state").stop.nunique()
