@@ -383,12 +383,14 @@ def draw_beside(this: Run, study: Study, first: First) -> None:
         if this.comm.rank == 0:
             this.write_summary()  # which the figures read
         this.comm.Barrier()
-        read = cache(lambda: read_run(this.store.directory))
         if this.comm.rank == 0:
             # Verification and pictures take longer than all samples do: nobody waits for them.
-            say_answer(read())
-            this.warn(spared("first page", lambda: write_page(read(), first=True))[1])
+            found = read_run(this.store.directory)
+            say_answer(found)
+            this.warn(spared("first page", lambda: write_page(found, first=True))[1])
             logger.info("verification, pictures and figures follow: %s", this.page)
+        # Not before: the maps of the contact are made beside them.
+        read = cache(lambda: read_run(this.store.directory))
         figures = this.pictures, this.scene.own.figures
         works += figure_works(this.store.directory, read, *figures)
     made = study.verified_beside(works)
