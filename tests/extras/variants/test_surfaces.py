@@ -118,6 +118,11 @@ def test_surfaces_that_are_the_same_are_compared_too(runs, tmp_path, capsys):
     assert "A and B are the same folder" in (tmp_path / "compare.html").read_text()
 
 
+def test_the_status_of_a_surface_promises_no_samples(runs, capsys):
+    assert main(["status", str(runs / "a")]) == 0
+    assert capsys.readouterr().out.startswith("samples: none\n")
+
+
 def test_laws_are_compared_at_the_pressure_of_the_brake(runs):
     one = read_run(runs / "a")
     one.summary.update(pressed_N=600.0, face_area_mm2=2000.0)
