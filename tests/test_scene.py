@@ -128,7 +128,7 @@ MISTAKES = [
     ("stability.damping.rayleigh=['1 s', '1 s']", "wrong unit", "rate"),
     ("stability.damping.rayleigh=[0, 0]", "rayleigh", "leave it out"),
     ("stability.damping.loss=1", "stability.damping.loss = 1", "true or false"),
-    ("stability.damping.loss=true", "stability.damping.loss", "omega_ref"),
+    ("stability.damping.loss=true", "stability.damping.loss", "omega_ref, where"),
     ("stability.damping.omega_ref=2 kHz", "omega_ref = '2 kHz'", "loss = true"),
     ("stability.damping={ loss=true, omega_ref='2 mm' }", "'2 mm'", "write a frequency"),
     ("stability.damping={ loss=true, omega_ref='-2 kHz' }", "omega_ref", "positive"),

@@ -275,7 +275,7 @@ class Status:
         """What there is to say, a line for each thing."""
         of = {approach: f" of {n}" for approach, n in self.of.items()}
         counts = (f"{a} {self.done.get(a, 0)}{of.get(a, '')}" for a in self.of or self.done)
-        lines = [f"samples: {', '.join(counts) or 'not begun'}"]
+        lines = [f"samples: {', '.join(counts) or 'none'}"]
         for worker in self.workers:
             part = "all samples" if worker.share is None else f"share {worker.share}"
             count = "" if worker.of is None else f", {worker.done} of {worker.of} done"

@@ -248,9 +248,9 @@ class LawSupport:
             for band in (self.v, self.v_patch)
         )
         return (
-            f"laws: at {self.pressure[i] / 1e6:.2g} MPa the highest {self.scan_pixels[i]:.0f}"
-            f" pixels of the scan carry the load; the laws of another scan have {library} times the"
-            f" stiffness of vibrations on average (90 %), a single patch {patch} times: take a"
+            f"laws: at {self.pressure[i] / 1e6:.2g} MPa only {self.scan_pixels[i]:.0f} pixels of"
+            f" the scan are as high as what touches; the laws of another scan have {library} times"
+            f" the stiffness of vibrations on average (90 %), a single patch {patch} times: take a"
             " larger scan, or several"
         )
 

@@ -109,10 +109,10 @@ def _support(laws: Arrays) -> list[str]:
     )
     return [
         f"At {found['pressure'][i] / 1e6:.2g} MPa {found['scan_pixels'][i]:.0f} pixels of the scan"
-        f" and {found['grid_pixels'][i]:.0f} of a patch carry the load. The laws of 90 % of other"
-        f" scans of the same surface would have a mean loading stiffness of {k} and a mean"
-        f" vibration stiffness of {v} N/mm³, a single patch of them {one} N/mm³ (parametric"
-        " bootstrap; law_support.csv)."
+        f" are as high as what touches, {found['grid_pixels'][i]:.0f} of a patch touch. The laws"
+        f" of 90 % of other scans of the same surface would have a mean loading stiffness of {k}"
+        f" and a mean vibration stiffness of {v} N/mm³, a single patch of them {one} N/mm³"
+        " (parametric bootstrap; law_support.csv)."
     ]
 
 

@@ -93,7 +93,7 @@ class Damping:
         if self.omega_ref is not None and not self.loss:
             yield f"{written}: has no meaning without loss = true"
         if self.omega_ref is None and self.loss:
-            yield '.loss: needs omega_ref, such as omega_ref = "2 kHz"'
+            yield '.loss: needs omega_ref, where loss is exact, such as omega_ref = "2 kHz"'
         if self.omega_ref is not None:
             try:
                 if not self.reference > 0:

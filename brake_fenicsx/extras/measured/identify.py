@@ -111,8 +111,12 @@ def identify(
         said.append(f"not determined by these peaks (as the prior): {', '.join(loose)}")
     said += ["", block, f"wrote {folder / 'random.toml'}"]
     if scene_file is not None:
-        text = with_constants(parsed, material, _values(parsed, material, body, theta, losses))
-        said.append(f"wrote the constants into {scene_file}")
+        values = _values(parsed, material, body, theta, losses)
+        text = with_constants(parsed, material, values)
+        said.append(f"wrote {', '.join(values)} into {scene_file}")
+        if "loss" not in values and np.isfinite(losses).any():
+            loss = f"materials.{material}.loss = {np.nanmean(losses):.3g}"
+            said.append(f"{loss} is not written: the scene has none; write it there")
         if write:
             write_text(scene_file, text)
     return "\n".join(said)

@@ -38,7 +38,8 @@ GRAVITY = 9.80665  # of accelerations in g
 EVENLY, MOST = 1000, 8  # frequencies of the model alone; responses of the figure
 POINTS = ("force_x_mm", "force_y_mm", "force_z_mm", "force_direction",
           "x_mm", "y_mm", "z_mm", "direction")  # fmt: skip
-UNDAMPED = "\nno damping, infinite peaks: write [stability.damping]"
+UNDAMPED = """
+no damping, infinite peaks: write some, such as stability.damping.modal.%s.ratio = 0.01"""
 COLUMNS = ("response", "frequency_hz", "re_m_N", "im_m_N", "test_re_m_N", "test_im_m_N")
 ROWS = ("response", "force", "seen", "quantity", "frac", "test_over_model")
 
@@ -200,7 +201,7 @@ def respond(
     return (
         f"part {name}, {held}: {found.modes} modes and residual vectors; against full order at"
         f" {found.worst:.5g} Hz, where the residual is largest, {found.error:.1e} of the largest"
-        f" response{'' if body.C.nnz or body.ratio.any() else UNDAMPED}\n"
+        f" response{'' if body.C.nnz or body.ratio.any() else UNDAMPED % name}\n"
         f"{text_table(ROWS, table)}\nopen {folder / 'responses.png'}"
     )
 

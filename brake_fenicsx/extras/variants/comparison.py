@@ -222,7 +222,7 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
         )
         blocks = [page.picture_of(lines, ("A", "B"), text), Text(how), Table(HEADS, shown), *blocks]
         where = [f"{text} ({run.criterion})" for text, run in zip(where, runs, strict=True)]
-        where += [f"Warning: {text}." for text in _doubts(*runs)]
+    where += [f"Warning: {text}." for text in _doubts(*runs)]
     return page.page_of_changes(folder / "compare.html", title, where, blocks)
 
 
@@ -230,8 +230,8 @@ def comparison_text(a: str | Path | RunData, b: str | Path | RunData) -> str:
     """The comparison of two runs for the terminal, see `write_comparison`."""
     runs = read_run(a), read_run(b)
     rows, surfaces = _compared(*runs)
-    text = [text_table(HEADS, _shown(rows)), *_doubts(*runs)] if rows else []
-    return "\n".join([*text, surface_text(surfaces)] if surfaces else text)
+    text = [text_table(HEADS, _shown(rows))] if rows else []
+    return "\n".join([*text, *([surface_text(surfaces)] if surfaces else []), *_doubts(*runs)])
 
 
 def _compared(one: RunData, two: RunData) -> tuple[list[page.Row], list[list[Value]]]:
@@ -250,7 +250,7 @@ def _doubts(one: RunData, two: RunData) -> list[str]:
         lines.append("A and B are the same folder; name two")
     if made := differences(one.summary, two.summary):
         lines.append(f"A and B were made differently: {'; '.join(made)}")
-    if one.threshold != two.threshold:
+    if one.threshold != two.threshold and _has_modes(one) and _has_modes(two):
         a, b = (f"{-run.threshold if run.threshold else 0:g}" for run in (one, two))
         lines.append(
             f"A counts squeal below {a}, B below {b}; set one stability.threshold and run both"

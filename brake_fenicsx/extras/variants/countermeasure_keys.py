@@ -131,6 +131,6 @@ def _check_not_random(scene: Scene, name: str, where: str) -> None:
         constants = is_constant(name) and is_constant(other) and split_key(other)[1] == table
         if constants or split_key(other) == split_key(name):
             raise SceneError(
-                f'{where}: samples.random."{other}" is random; write the change of its distribution'
-                " by hand, run both scenes and use brake-fenicsx compare"
+                f'{where}: samples.random."{other}" is random; leave this one out, change'
+                " the distribution in a copy, run both and use brake-fenicsx compare"
             )

@@ -88,14 +88,20 @@ def _beside(x: float | None, ex: float | None, y: float | None, ey: float | None
 
 
 def differing(rows: Sequence[Sequence[Value]]) -> str:
-    """What differs by more than some standard errors, in a sentence."""
-    said = []
-    for name, x, _, y, _, ratio, error, far, unit in _cells(rows):
+    """What differs by more than some standard errors, in a sentence: of a law, at both ends."""
+    found: dict[Value, list[str]] = {}
+    for row, (name, x, _, y, _, ratio, error, far, unit) in zip(rows, _cells(rows), strict=True):
         if isinstance(far, float) and abs(far) > SURE:
             times = "" if ratio is None or error is None else f", {ratio:.3g} +- {error:.1g} times"
-            said.append(f"{name} {x:.3g} and {y:.3g} {unit}{times}".replace(" -,", ","))
+            text = f"{name} {x:.3g} and {y:.3g} {unit}{times}".replace(" -,", ",")
+            found.setdefault(row[0], []).append(text)
     if not any(isinstance(row[-1], float) for row in rows):
         return ""
+    said = []
+    for law, (text, *more) in found.items():
+        if more:
+            text += f", and {more[-1].removeprefix(f'{law} ')} ({len(more) + 1} pressures)"
+        said.append(text)
     return (
         f"A and B differ by more than {SURE:.0f} standard errors in: {'; '.join(said) or 'none'}."
     )

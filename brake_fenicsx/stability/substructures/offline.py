@@ -318,8 +318,11 @@ def higher(
         found = np.minimum(orders + np.clip(wanted - less, 0, MORE), np.maximum(HIGHEST, orders))
         if np.any(found > orders) and points(found) <= most:
             names = np.array(model.parameters.names or range(orders.size), dtype=str)
-            said = "reduced model: errors up to %.0e over the range of %s; made again, of degree %d"
-            logger.info(said, lacking.error, ", ".join(names[found > orders]), found.max())
+            logger.info(
+                "reduced model: 10 %% of the errors beyond %.0e (wanted: %.0e) over the range of"
+                " %s; made again, of degree %d", lacking.usual, tolerance,
+                ", ".join(names[found > orders]), found.max(),
+            )  # fmt: skip
             return np.asarray(found), lacking.each
     return None
 

@@ -403,7 +403,7 @@ def test_identify_writes_the_scene(tmp_path, capsys):
     scene.write_text(BOX.read_text().replace("0.68 mm", "4 mm"))
     stiff = ["materials.aluminium.C11='120 GPa'", "materials.aluminium.C12='60 GPa'"]
     truth = part_modes(read_scene(scene, stiff), "box", np.zeros((1, 3)), 230e3).frequency[:10]
-    peaks.write_text("frequency_hz\n" + "\n".join(map(str, truth)))
+    peaks.write_text("frequency_hz,q\n" + "".join(f"{hertz},400\n" for hertz in truth))
     call = ["identify", str(scene), "--peaks", str(peaks), "--error", "0.02", "-o"]
     call += [str(tmp_path / "out"), "--write"]
     (tmp_path / "other.toml").touch()
@@ -411,6 +411,8 @@ def test_identify_writes_the_scene(tmp_path, capsys):
         assert main([*call, str(tmp_path / file)]) == 2
         assert said in capsys.readouterr().err and not (tmp_path / "out").exists()
     assert main([*call, str(tmp_path / "new.toml")]) == 0
+    said = capsys.readouterr().out
+    assert "wrote C11, C12 into" in said and "aluminium.loss = 0.0025 is not written" in said
     assert "0.68" not in scene.read_text() and "109.26 GPa" in scene.read_text()
     found = read_scene(tmp_path / "new.toml").materials["aluminium"]
     np.testing.assert_allclose([found.C11, found.C12], [120e9, 60e9], rtol=2e-3)

@@ -14,7 +14,7 @@ from brake_fenicsx.extras.measured.part_modes import (
     receptances,
     surface_rows,
 )
-from brake_fenicsx.extras.measured.response_study import _damped
+from brake_fenicsx.extras.measured.response_study import POINTS, _damped
 from brake_fenicsx.scene import read_scene
 from free_beam import HEIGHT, LENGTH, NU, RHO, WIDTH, E, beam
 from places import SCENES
@@ -157,6 +157,18 @@ def test_responses_of_the_model_alone(tmp_path, capsys):
     both = (cells["re_m_N"] + 1j * cells["im_m_N"]).reshape(2, -1)
     np.testing.assert_allclose(both[0], both[1], rtol=1e-9)
     assert np.isnan(cells["test_re_m_N"]).all() and both.shape[1] > 1000
+
+
+@pytest.mark.long
+def test_without_damping_what_the_terminal_says_to_write_is_enough(tmp_path, capsys):
+    scene, table = tmp_path / "bar.toml", tmp_path / "points.csv"
+    scene.write_text(BAR.partition("[stability.damping]")[0])
+    table.write_text(",".join(POINTS) + "\n-100,0,0,z,30,5,-12,-z\n")
+    call = ["correlate", str(scene), str(table), "-o", str(tmp_path / "out")]
+    assert main(call) == 0
+    _, found, key = capsys.readouterr().out.partition("such as ")
+    assert found and main([*call, "--set", key.splitlines()[0].replace(" ", "")]) == 0
+    assert "no damping" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

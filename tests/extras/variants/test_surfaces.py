@@ -62,6 +62,19 @@ def test_a_surface_twice_as_high(runs):
     assert "S_q" in said and "S_sk" not in said and "+-" in said
 
 
+def test_what_differs_at_several_pressures_is_said_once():
+    """At both ends, with how many there are; what differs by less is left out."""
+    rows = [
+        ["loading stiffness", "N/mm³", p, 1.0, 0.1, r, 0.1, r, 0.2, far]
+        for p, r, far in ((5e4, 3.0, 9.0), (1e5, 1.2, 1.0), (2e5, 4.0, 8.0), (4e5, 5.0, -7.0))
+    ]
+    assert differing(rows).endswith(
+        "in: loading stiffness at 0.05 MPa 1 and 3 N/mm³, 3 +- 0.2 times, and at 0.4 MPa 1 and 5"
+        " N/mm³, 5 +- 0.2 times (3 pressures)."
+    )
+    assert differing(rows[:1]).endswith("at 0.05 MPa 1 and 3 N/mm³, 3 +- 0.2 times.")
+
+
 def test_the_standard_error_of_a_median_is_that_of_its_scatter():
     """Over many libraries of 101 laws; of normal values sqrt(pi / 2) of that of the mean."""
     rng, n = np.random.default_rng(0), 101
@@ -96,9 +109,18 @@ def test_two_hardnesses_side_by_side(runs, tmp_path, capsys):
     assert "hardness 200 MPa" in page and "hardness 400 MPa" in page and "<img" in page
 
 
-def test_surfaces_that_are_the_same_are_compared_too(runs, tmp_path):
+def test_surfaces_that_are_the_same_are_compared_too(runs, tmp_path, capsys):
     assert main(["compare", str(runs / "a"), str(runs / "same"), "-o", str(tmp_path)]) == 0
     assert {row["ratio"] for row in read_rows(tmp_path / "compare_surface.csv")} <= {1.0, None}
+    assert "same folder" not in capsys.readouterr().out
+    assert main(["compare", str(runs / "a"), str(runs / "a"), "-o", str(tmp_path)]) == 0
+    assert "A and B are the same folder" in capsys.readouterr().out
+    assert "A and B are the same folder" in (tmp_path / "compare.html").read_text()
+
+
+def test_the_status_of_a_surface_promises_no_samples(runs, capsys):
+    assert main(["status", str(runs / "a")]) == 0
+    assert capsys.readouterr().out.startswith("samples: none\n")
 
 
 def test_laws_are_compared_at_the_pressure_of_the_brake(runs):
