@@ -220,7 +220,7 @@ def _hinged(held: dict[str, set[str]], deck: Deck) -> Iterator[int]:
         turns = {str(3 + k) for c in {*"123"} & components for k in (1, 2, 3) if k != int(c)}
         numbered = word.rpartition(".")[2].isdigit() and not word.isdigit()
         if not (turns <= components or numbered):
-            yield from deck.nodes(word).tolist()
+            yield from map(int, deck.nodes(word))
 
 
 def _of_shells_alone(mesh: FileMesh) -> set[int]:
