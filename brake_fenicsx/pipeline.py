@@ -385,11 +385,8 @@ def draw_beside(this: Run, study: Study, first: First) -> None:
         this.comm.Barrier()
         if this.comm.rank == 0:
             # Verification and pictures take longer than all samples do: nobody waits for them.
-            found = read_run(this.store.directory)
-            say_answer(found)
-            this.warn(spared("first page", lambda: write_page(found, first=True))[1])
-            logger.info("verification, pictures and figures follow: %s", this.page)
-        # Not before: the maps of the contact are made beside them.
+            this.warn(spared("first page", lambda: _first_page(this))[1])
+        # Read again after the maps of the contact are made, which figures show.
         read = cache(lambda: read_run(this.store.directory))
         figures = this.pictures, this.scene.own.figures
         works += figure_works(this.store.directory, read, *figures)
@@ -399,6 +396,14 @@ def draw_beside(this: Run, study: Study, first: First) -> None:
     this.warn([text for _, lost in made for text in lost])
     if "report" in this.scene.stages and this.comm.rank == 0:
         write_shapes(study, [row for row, _ in made[: len(shapes.works)] if row is not None])
+
+
+def _first_page(this: Run) -> None:
+    """Answer and page of the tables alone; what is read here is not held beside the figures."""
+    found = read_run(this.store.directory)
+    say_answer(found)
+    write_page(found, first=True)
+    logger.info("verification, pictures and figures follow: %s", this.page)
 
 
 def draw_mesh(this: Run, brake: Brake) -> None:
