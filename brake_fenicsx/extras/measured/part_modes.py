@@ -9,34 +9,28 @@ where its residual is largest. That tells the error; where it is too large, the 
 vectors.
 """
 
-from dataclasses import dataclass
+import brake_fenicsx.petsc_started  # noqa: F401
+
+# isort: split
+
+from dataclasses import dataclass, replace
+
+from mpi4py import MPI
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-
-import brake_fenicsx.petsc_started  # noqa: F401
-from brake_fenicsx.arguments import Array, Complex
-from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.macro.solver import Factor
-from brake_fenicsx.stability.eigensolvers.symmetric import shifted_factor, symmetric_modes
-
-# isort: split
-
-from dataclasses import replace
-
-from mpi4py import MPI
-
 from dolfinx.mesh import exterior_facet_indices
 from scipy.spatial import KDTree
 
 from brake_fenicsx import compat
-from brake_fenicsx.arguments import Ints
+from brake_fenicsx.arguments import Array, Complex, Ints
 from brake_fenicsx.build.bodies import assemble_bodies
 from brake_fenicsx.build.scene_mesh import file_parts, grouped_file, mesh_settings, scene_parts
-from brake_fenicsx.errors import SceneError
+from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.elasticity import Elastic, FreeDofs
 from brake_fenicsx.macro.faces import EDGE, Face, gather_face, project
+from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.meshing.brake_mesh import Mesh, raw_mesh, tagged_mesh
 from brake_fenicsx.meshing.groups import mesh_of_file
 from brake_fenicsx.meshing.rawmesh import (
@@ -47,6 +41,7 @@ from brake_fenicsx.meshing.rawmesh import (
     without_unused_nodes,
 )
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.stability.eigensolvers.symmetric import shifted_factor, symmetric_modes
 
 # Rigid-body modes lie below this share of the highest frequency.
 RIGID = 1e-3
