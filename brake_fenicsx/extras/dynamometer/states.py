@@ -127,9 +127,12 @@ def read_matrix(scene: Scene) -> Frame:
         SceneError: file or key, value and remedy.
     """
     table = scene.section("states")
-    path, every = scene.path(table.matrix or "states.grid"), [*product(*table.grid.values())]
-    inline = TextTable(path, [*table.grid], every, range(2, 2 + len(every)))
-    read = inline if table.grid else TextTable.read(path)
+    path = scene.path(table.matrix or "states.grid")
+    if table.grid:
+        rows = [*product(*table.grid.values())]
+        read = TextTable(path, [*table.grid], rows, range(2, 2 + len(rows)))
+    else:
+        read = TextTable.read(path)
     given = in_si(read, units_of_state(scene, section=None, stops="").__getitem__)
     states = given.reindex(columns=[*AXES, *UNSAID]).fillna(UNSAID)
     wrong = (states[["pressure", "speed", "stops"]] <= 0).any(axis=1) | (states.stops % 1 != 0)
