@@ -292,7 +292,8 @@ def draw_pads(run: RunData, maps: Sequence[PadMap], colours: str) -> style.Figur
         figure.colorbar(image, ax=list(row), label=m.bar, extend=m.extend, shrink=0.9)
     for axis in axes[-1]:
         axis.set_xlabel("x [mm]")
-    figure.draw_without_rendering()  # ticks of the bars, and their width, follow from places
+    # A first layout: the labels of a colour bar, and so its width, are known once it has a place.
+    figure.draw_without_rendering()
     return figure
 
 
