@@ -5,6 +5,7 @@
     scripts/bench_ensemble.py intervals     width and coverage of the intervals of indices
     scripts/bench_ensemble.py merge [SCENE] [--samples 10240 102400] [--processes 1]
     scripts/bench_ensemble.py states [SCENE] [--samples 4] [--set KEY=VALUE]
+    scripts/bench_ensemble.py rare RESULTS [--limit 0.001]
 
 ``run`` starts every row from nothing (cold: mesh, laws, basis and samples) and then once more on
 the folder it left, without its samples (cached: laws and basis are read). Full order is the median
@@ -19,6 +20,10 @@ number of samples.
 ``states`` prints seconds of this process for a sample in its own state, and in 25 states of a
 dynamometer test beside it: five pressures and five temperatures, on which friction and a modulus
 depend.
+
+``rare`` reads modes.csv of a finished run: in how many samples each frequency squeals, in how many
+of the first 300, which sample is the first, and the scatter of its share over blocks of 50 samples
+in units of the binomial standard deviation.
 """
 
 from __future__ import annotations
@@ -238,6 +243,31 @@ def states(args: argparse.Namespace) -> None:
         print(f"{'mean':>8}{one:8.2f}{many:8.2f}{many / one:7.1f}")
 
 
+def rare(args: argparse.Namespace) -> None:
+    """One row for each frequency that squeals; frequencies less than 25 Hz apart are one."""
+    rows = table(args.results / "modes.csv")
+    n = 1 + max(int(row["sample"]) for row in rows)
+    grown = (row for row in rows if row["verdict"] == "unstable")
+    loud = [(float(r["frequency_hz"]), int(r["sample"])) for r in grown
+            if float(r["damping"]) < -args.limit]  # fmt: skip
+    print_rare(np.array(sorted(loud)), n)
+
+
+def print_rare(loud: np.ndarray, n: int) -> None:
+    """Print frequencies [Hz] and samples, rising in frequency, shape (modes, 2), of n samples."""
+    print(f"{'Hz':>8}{'samples':>9}{'of 300':>8}{'first':>7}{'scatter':>9}   {n} samples")
+    for group in np.split(loud, 1 + np.flatnonzero(np.diff(loud[:, 0]) > 25.0)):
+        heard = np.zeros(n)
+        heard[group[:, 1].astype(int)] = 1.0
+        p, blocks = heard.mean(), heard[: n // 50 * 50].reshape(-1, 50).mean(axis=1)
+        binomial = np.sqrt(p * (1 - p) / 50)
+        scatter = blocks.std(ddof=1) / binomial if binomial and blocks.size > 1 else np.nan
+        print(
+            f"{np.median(group[:, 0]):8.0f}{int(heard.sum()):9d}{int(heard[:300].sum()):8d}"
+            f"{int(heard.argmax()):7d}{scatter:9.2f}"
+        )
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -261,6 +291,10 @@ def main() -> None:
     three.add_argument("--samples", type=int, default=4)
     three.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     three.set_defaults(do=states)
+    four = commands.add_parser("rare")
+    four.add_argument("results", type=Path)
+    four.add_argument("--limit", type=float, default=0.001, help="of the damping")
+    four.set_defaults(do=rare)
     args = parser.parse_args()
     args.do(args)
 
