@@ -97,6 +97,28 @@ def test_rigid_modes_with_friction(two_blocks, mu, damped):
     np.testing.assert_allclose(found.imag, elastic[order].imag, rtol=1e-5)
 
 
+@pytest.mark.parametrize("pairs", [1, 3])
+def test_more_modes_at_zero_than_a_block_has_vectors(two_blocks, pairs):
+    """Pairs of free blocks apart from one another: every mode as often as there are pairs.
+
+    27 modes at zero with three pairs; the Krylov spaces start from blocks of 8 and 16 vectors.
+    """
+    scene, mu = two_blocks("free"), 1.0
+    D = scene.w * np.full(scene.w.size, 1e11)
+    K, smooth, M, N, T = (
+        sp.block_diag([A] * pairs, "csr")
+        for A in (scene.tangent(1e11, mu), scene.tangent(1e11, 0.0), scene.M, scene.N, scene.T)
+    )
+    face = contact_interface(N, T, np.tile(D, pairs), mu)
+    m = complex_modes(M, None, K, (0.0, 60e3), frictionless=smooth, friction=face)
+    one = all_kappa(scene.tangent(1e11, mu), scene.M)
+    elastic = undamped(one[np.abs(one) > 1e5])
+    elastic = np.sort(elastic.imag[elastic.imag <= TWO_PI * 60e3])
+    rigid = np.abs(m.s) < 10.0
+    assert rigid.sum() == 9 * pairs and m.count.kind == "proven"
+    np.testing.assert_allclose(np.sort(m.s[~rigid].imag), np.repeat(elastic, pairs), rtol=1e-7)
+
+
 def linearised(M, C, K, scale, centre, number):
     """Eigenvalues nearest to a point by ARPACK and SuperLU on the doubled pencil."""
     one = sp.identity(M.shape[0])

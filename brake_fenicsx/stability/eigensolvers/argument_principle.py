@@ -102,10 +102,11 @@ def undamped_region(kappa: AnyArray, low: float, high: float, zeta_max: float) -
     return Trapezium(bottom, top, slope, rise)
 
 
-def undamped_reach(high: float, zeta_max: float) -> float:
-    """Largest |kappa| of that region and a little more [1/s^2]."""
-    slope = opening(zeta_max) * (1 + MARGIN)
-    return float((1 + MARGIN) * high * np.hypot(1, slope) + 2e-3 * high)
+def undamped_reach(high: float, zeta_max: float, sigma: float) -> float:
+    """Largest |kappa - sigma| of that region, zero included, and a little more [1/s^2]."""
+    top = (1 + MARGIN) * high
+    corner = complex(top, opening(zeta_max) * (1 + MARGIN) * top + 1e-3 * high)
+    return float(max(abs(corner - sigma), abs(sigma + 0.02 * high)) + 2e-3 * high)
 
 
 def damped_region(s: Complex, high: float, wide: float, margin: float = RIM) -> Trapezium:

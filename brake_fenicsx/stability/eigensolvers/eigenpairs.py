@@ -51,6 +51,10 @@ MATCH = 1e-5
 # Vectors of a block.
 BLOCK = 8
 
+# Residuals are relative to the eigenvalue where it is smaller than its distance from the shift, but
+# to no less than this share of that.
+SMALLEST = 1e-2
+
 
 def shares(V: Array, W: Array) -> Array:
     """V' W of a tall V whose columns are contiguous, in the order that BLAS is quick at."""
@@ -114,7 +118,7 @@ def nearest_modes(
         reach: radius.
         expected: about how many eigenvalues there are, conjugates included.
         leftmost: smallest real part wanted.
-        tolerance: relative residual of (A - theta) x.
+        tolerance: residual of (A - theta) x relative to theta, and to kappa.
         start: starting block that is rich in the wanted vectors, shape (n, BLOCK); random if None.
 
     Returns:
@@ -151,8 +155,14 @@ def nearest_modes(
             near = np.abs(theta) * reach >= 1
             residual = np.linalg.norm(coupling @ s[first:], axis=0) / np.abs(theta)
             beyond = np.abs(theta[~near]).max(initial=0.0) > 0 or full
-            near[near] = sigma + (1 / theta[near]).real >= leftmost
-            if full or (beyond and np.all(residual[near] < tolerance)):
+            kappa = sigma + 1 / theta[near]
+            # Relative to kappa where that is smaller than its distance from the shift, as far as
+            # the round-off of the largest theta lets it be.
+            small = np.clip(np.abs(kappa * theta[near]), SMALLEST, 1.0)
+            noise = ROUND_OFF * np.abs(theta).max(initial=0.0) / np.abs(theta[near])
+            good = residual[near] < np.maximum(tolerance * small, noise)
+            near[near] = kept = kappa.real >= leftmost
+            if full or (beyond and np.all(good[kept])):
                 return _polished(apply, V[:, :size], sigma, theta[near], s[:, near])
         if size <= room:
             H[size : size + new.shape[1], first:size] = coupling

@@ -48,7 +48,7 @@ class RealModes:
 
     Attributes:
         Phi: M-orthonormal shapes, shape (dofs, modes).
-        kappa: eigenvalues [1/s^2], ascending.
+        kappa: eigenvalues [1/s^2], the closest to the shift first.
     """
 
     Phi: Array
@@ -84,6 +84,30 @@ def shifted_factor(
     return None
 
 
+def factor_near(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[Factor, float]:
+    """Factor of K_s - kappa M, a little higher where that is singular.
+
+    Args:
+        K: K_s [N/m].
+        M: mass [kg].
+        kappa: the shift wanted [1/s^2].
+
+    Returns:
+        The factor and its shift.
+
+    Raises:
+        InaccurateResult: the matrix cannot be factored there nor nearby.
+    """
+    for step in (0.0, 1e-6, 1e-4, MOVED):
+        at = kappa * (1 + step) if kappa > 0 else kappa * (1 - step)
+        try:
+            return Factor((K - at * M).tocsr(), "brake_inertia_"), at
+        except InaccurateResult:
+            continue
+    raise InaccurateResult(f"""inertia: K - kappa M is singular at and near
+        {np.sqrt(abs(kappa)) / 2 / np.pi:.6g} Hz""")
+
+
 def count_below(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[int, float]:
     """Eigenvalues below kappa, by Sylvester's law of inertia.
 
@@ -98,17 +122,9 @@ def count_below(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[int, 
     Raises:
         InaccurateResult: the matrix cannot be factored there nor nearby.
     """
-    for step in (0.0, 1e-6, 1e-4, MOVED):
-        at = kappa * (1 + step) if kappa > 0 else kappa * (1 - step)
-        try:
-            factor = Factor((K - at * M).tocsr(), "brake_inertia_")
-        except InaccurateResult:
-            continue
-        count = factor.negative_pivots
-        factor.destroy()
-        return count, at
-    raise InaccurateResult(f"""inertia: K - kappa M is singular at and near
-        {np.sqrt(abs(kappa)) / 2 / np.pi:.6g} Hz""")
+    factor, at = factor_near(K, M, kappa)
+    factor.destroy()
+    return factor.negative_pivots, at
 
 
 def symmetric_modes(
@@ -209,17 +225,19 @@ def lowest_modes(
     tolerance: float = 1e-9,
     expected: int = 0,
 ) -> RealModes:
-    """All modes below a cutoff of the pencil whose stiffness is factored.
+    """All modes of the pencil whose stiffness is factored up to a distance from zero.
 
     Args:
-        factor: factor of the positive definite stiffness [N/m].
+        factor: factor of the stiffness [N/m]; where that has been shifted into the spectrum, it is
+            not definite, and the modes closest to the shift are found on both sides of it.
         M: mass [kg].
-        cutoff: largest eigenvalue wanted [1/s^2].
+        cutoff: largest |eigenvalue| wanted [1/s^2].
         tolerance: relative residual of every mode.
         expected: number of modes, if it is known: there is room for at least so many.
 
     Returns:
-        The modes. That none is missed is for the caller to prove, by an inertia count.
+        The modes, the closest to zero first. That none is missed is for the caller to prove, by an
+        inertia count.
 
     Raises:
         NotConverged: the Krylov space fills without convergence.
@@ -253,11 +271,11 @@ def lowest_modes(
             continue
         due = int(GROWTH * size) + block
         theta, S = la.eigh(0.5 * (H[:size, :size] + H[:size, :size].T))
-        # A copy: BLAS takes no negative strides, and NumPy's own loop is ten times slower.
-        theta, S = theta[::-1], S[:, ::-1].copy()
+        nearest = np.argsort(-np.abs(theta))
+        theta, S = theta[nearest], S[:, nearest]
         # K^-1 M y - theta y = new coupling s, in the norm of M; over theta it is relative.
         residual = np.linalg.norm(coupling @ S[last], axis=0) / np.abs(theta)
-        keep = int((theta > 1 / cutoff).sum())
+        keep = int((np.abs(theta) > 1 / cutoff).sum())
         if size >= n or (keep < size and np.all(residual[: keep + 1] < tolerance)):
             return RealModes(combined(V[:, :size], S[:, :keep]), 1 / theta[:keep])
     raise NotConverged(f"block Lanczos: {size} vectors do not give all modes below the cutoff")

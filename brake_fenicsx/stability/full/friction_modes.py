@@ -14,14 +14,17 @@ the modes Phi, Lambda below a limit and the moments about sigma, kappa' = kappa 
     P = right Phi,  Q = left Phi,  R_j = right S^-1 (M S^-1)^j left' - P Lambda'^-(j+1) Q'.
 
 All modes below the limit are in Phi, so that the remainder is the sum over the modes beyond it of
-P (kappa' / Lambda')^J / (Lambda' - kappa') Q'. With A A' = P Lambda'^-1 P' <= right S^-1 right' and
-B B' = Q Lambda'^-m Q' = left S^-1 (M S^-1)^(m-1) left' less its part in Phi, m <= J, the turns of
-det G are those of its known part as long as
+P (kappa' / Lambda')^J / (Lambda' - kappa') Q'. Over these modes let A A' = P Lambda'^-1 P', that is
+right S^-1 right' less its part in Phi, or no more than limit / limit' if right K_s^-1 right' <= 1,
+and B B' = Q Lambda'^-m Q' = left S^-1 (M S^-1)^(m-1) left' less its part in Phi, m <= J. The turns
+of det G are those of its known part as long as
 
     |kappa'|^J limit'^((1 + m) / 2 - J) / (limit' - |kappa'|) |B' G^-1| |A| < 1
 
 along the edge; the largest value of the left-hand side is kept with the count. One moment suffices
-for rough contact. Each further R_j that is known makes it smaller by |kappa'| / limit'.
+for rough contact. Each further R_j that is known makes it smaller by |kappa'| / limit'. The shift
+lies amid the band, where |kappa'| is half as large as about zero: fewer modes lie below the limit,
+and Krylov spaces reach the ends of the band with fewer vectors (demo brake: 0.8 of the time).
 """
 
 from collections.abc import Callable
@@ -44,8 +47,8 @@ from ..modes import Count
 from . import interface
 
 # The frictionless modes are complete up to this multiple of the largest |kappa - sigma| of the
-# region. Each moment divides the bound of the proof by it, the number of modes grows. Measured: one
-# moment proves rough contact (bound 0.2), and perfect contact takes eight.
+# region, beyond the shift. Each moment divides the bound of the proof by it, the number of modes
+# grows. Measured: one moment proves rough contact (bound 0.5); perfect contact takes eight.
 LIMIT = 1.85
 
 # Modes up to this share of the limit are left out of further moments, see ``Moments.low``.
@@ -58,6 +61,10 @@ FRICTIONLESS, RIGHT, LEFT = 1e-6, 1e-10, 1e-8
 # Share of other displacements than modes of the band in the block that block Arnoldi starts from.
 OTHERS = 1e-2
 
+# The shift, as a share of the highest kappa of the band. Modes at zero are far from it, and a
+# Krylov space of blocks holds no more copies of them than a block has vectors: where there are
+# modes below RIGID, the shift is a little below zero.
+AMID, RIGID = 0.55, 1e-6
 
 # Subspace iterations for the norm in the bound of the remainder: at the first point, at all others.
 FIRST_STEPS, STEPS = 12, 3
@@ -74,6 +81,7 @@ def friction_modes(
     high: float,
     zeta_max: float,
     comm: MPI.Comm = MPI.COMM_SELF,
+    amid: bool = True,
 ) -> interface.Found | None:
     """Block Arnoldi from either side, and the proof; collective.
 
@@ -84,6 +92,7 @@ def friction_modes(
         high: upper end [1/s^2].
         zeta_max: largest damping ratio looked for.
         comm: two processes that share the work, or one.
+        amid: whether the shift may lie amid the band.
 
     Returns:
         The modes of the band and a little more; None where the frictionless stiffness
@@ -94,19 +103,22 @@ def friction_modes(
         InaccurateResult: left and right eigenvalues or the count differ.
     """
     pencil, held = (p.frictionless, p.M), list[Any]()
+    sigma = AMID * high if amid else -symmetric.SHIFT * high
     # Every process factors the matrix for itself; where memory is short for one, all raise.
-    list(in_turns(comm.size, lambda i: held.append(symmetric.shifted_factor(*pencil, high)), comm))
-    if held[0] is None:
-        return None
+    list(in_turns(comm.size, lambda i: held.append(symmetric.factor_near(*pencil, sigma)), comm))
     factor, sigma = held[0]
-    reach = argument_principle.undamped_reach(high, zeta_max) - sigma
-    limit = LIMIT * reach
+    if not amid and factor.negative_pivots:
+        factor.destroy()
+        return None
+    reach = argument_principle.undamped_reach(high, zeta_max, sigma)
+    limit = sigma + LIMIT * reach
 
     def without_friction() -> tuple[Array, ...]:
         found = symmetric.modes_not_counted(p.M, factor, sigma, limit, tolerance=FRICTIONLESS)
-        band, lowest = (found.Phi[:, found.kappa <= end] for end in (reach, LOW * limit))
+        away = np.abs(found.kappa - sigma)
+        band, nearest = (found.Phi[:, away <= end] for end in (reach, LOW * (limit - sigma)))
         seen = friction.right @ found.Phi, friction.left @ found.Phi
-        return found.kappa, *seen, _starting_block(band), np.asfortranarray(lowest)
+        return found.kappa, *seen, _starting_block(band), np.asfortranarray(nearest)
 
     parts: tuple[Callable[[], Any], ...] = (
         without_friction,
@@ -115,7 +127,11 @@ def friction_modes(
             interface.moments(factor, p.M, friction, keep=True),
         ),
     )
-    (kappa, P, Q, start, lowest), (counted, known) = in_turns(2, lambda i: parts[i](), comm)
+    (kappa, P, Q, start, nearest), (counted, known) = in_turns(2, lambda i: parts[i](), comm)
+    lost = np.sum(kappa < sigma) < factor.negative_pivots
+    if amid and (lost or kappa.min(initial=high) < RIGID * high):
+        factor.destroy()
+        return friction_modes(p, friction, low, high, zeta_max, comm, amid=False)
     inside, limit = symmetric.complete(*pencil, kappa, counted)
     modes = InterfaceModes(kappa[inside], limit, sigma, P[:, inside], Q[:, inside])
     inverse = interface.Inverse(factor, friction, known)
@@ -127,7 +143,7 @@ def friction_modes(
     for orders in range(moments_needed(det, region, comm), interface.MOST_ORDERS + 1):
         if orders > len(known.RL):
             # Stiff contact: more of what the kept modes leave out is needed.
-            known = interface.moments(factor, p.M, friction, orders, lowest=lowest, comm=comm)
+            known = interface.moments(factor, p.M, friction, orders, lowest=nearest, comm=comm)
             det = Determinant(modes, friction, known)
         proof = prove(det, region, kappa, comm)
         if proof.remainder < 1:
@@ -159,7 +175,7 @@ def _both_sides(
     comm: MPI.Comm,
 ) -> tuple[Complex, Complex, Complex]:
     """Right and left eigenpairs, conjugates included."""
-    expected = int(np.sum(modes.kappa <= reach)) + 1
+    expected = int(np.sum(np.abs(modes.kappa - modes.sigma) <= reach)) + 1
     mass = BlockProduct(p.M)
 
     def side(transposed: bool) -> tuple[Complex, Complex]:
@@ -195,7 +211,7 @@ class InterfaceModes:
     """The modes of the frictionless problem at the interface.
 
     Attributes:
-        kappa: eigenvalues [1/s^2], ascending; all there are below the limit.
+        kappa: eigenvalues [1/s^2], the closest to sigma first; all there are below the limit.
         limit: proven by inertia [1/s^2].
         sigma: shift of the moments [1/s^2].
         P: right Phi, shape (rank, modes).
@@ -229,16 +245,19 @@ class Determinant:
         self.R = np.array(moments.RL)
         self.m = min(len(self.R), interface.POWER_LL)
 
-        def kept(left: Array, power: int) -> Array:
+        def kept(left: Array, power: int, right: Array = modes.Q) -> Array:
             seen = slice(moments.low if power > 1 else 0, None)
-            return np.asarray((left[:, seen] / away[seen] ** power) @ self.Q[:, seen].T)
+            return np.asarray((left[:, seen] / away[seen] ** power) @ right[:, seen].T)
 
         for j, R in enumerate(self.R):
             R -= kept(self.P, j + 1)
         self.R[0] += np.eye(friction.rank)
         values, vectors = la.eigh(moments.LL - kept(self.Q, self.m))
         self.B = np.sqrt(np.maximum(values, 0.0)) * vectors
-        self.A = np.sqrt(moments.RR)
+        size = max(modes.limit / self.limit, 1.0)
+        if moments.RR is not None:
+            size = max(la.eigvalsh(moments.RR - kept(self.P, 1, self.P))[-1], 0.0)
+        self.A = float(np.sqrt(size))
         self._begin()
 
     def _begin(self) -> None:

@@ -129,16 +129,16 @@ class Moments:
     Attributes:
         RL: right S^-1 (M S^-1)^j left', j = 0, 1, ..., each of shape (rank, rank).
         LL: left S^-1 (M S^-1)^(m - 1) left', m the number of RL but 3 at most, shape (rank, rank).
-        RR: largest eigenvalue of right S^-1 right'; 1 where the interface is bounded.
+        RR: right S^-1 right', shape (rank, rank); None where the interface is bounded.
         SL: S^-1 left', shape (dofs, rank), where it is kept.
-        low: number of the lowest modes whose part is left out of RL from the second on, and of LL
-            with m > 1: the round-off of that part would hide the part of the modes beyond the
-            limit.
+        low: number of the modes closest to the shift whose part is left out of RL from the second
+            on, and of LL with m > 1: the round-off of that part would hide the part of the modes
+            beyond the limit.
     """
 
     RL: tuple[Array, ...]
     LL: Array
-    RR: float
+    RR: Array | None = None
     SL: Array | None = None
     low: int = 0
 
@@ -167,7 +167,7 @@ def moments(
     Returns:
         The moments.
     """
-    rank, half, size = friction.rank, friction.rank // 2, 1.0
+    rank, half, RR = friction.rank, friction.rank // 2, None
     Phi = np.zeros((M.shape[0], 0)) if lowest is None else lowest
     keep = keep and 8e-9 * rank * M.shape[0] <= min(factor.gigabytes, MESSAGE)
     SL = np.empty((M.shape[0], rank), order="F") if keep else None
@@ -178,9 +178,9 @@ def moments(
     RL, LL = (np.concatenate(parts, axis=-1) for parts in zip(*solved, strict=True))
     if not friction.bounded:
         right = friction.right.T.tocsc()
-        gap = np.hstack([friction.right @ factor.solve(right[:, b]) for b in blocks(rank)])
-        size = float(la.eigvalsh(0.5 * (gap + gap.T), subset_by_index=[rank - 1, rank - 1])[0])
-    return Moments(tuple(RL), 0.5 * (LL + LL.T), size, SL, Phi.shape[1])
+        RR = np.hstack([friction.right @ factor.solve(right[:, b]) for b in blocks(rank)])
+        RR = 0.5 * (RR + RR.T)
+    return Moments(tuple(RL), 0.5 * (LL + LL.T), RR, SL, Phi.shape[1])
 
 
 def _of_columns(
