@@ -6,6 +6,7 @@
     scripts/bench_ensemble.py merge [SCENE] [--samples 10240 102400] [--processes 1]
     scripts/bench_ensemble.py states [SCENE] [--samples 4] [--set KEY=VALUE]
     scripts/bench_ensemble.py rare RESULTS [--limit 0.001]
+    scripts/bench_ensemble.py sizes [--cells 2 1 0.7] [--samples 20] [--processes 2] [--cpu]
 
 ``run`` starts every row from nothing (cold: mesh, laws, basis and samples) and then once more on
 the folder it left, without its samples (cached: laws and basis are read). Full order is the median
@@ -24,6 +25,11 @@ depend.
 ``rare`` reads modes.csv of a finished run: in how many samples each frequency squeals, in how many
 of the first 300, which sample is the first, and the scatter of its share over blocks of 50 samples
 in units of the binomial standard deviation.
+
+``sizes`` runs the reference brake, multi-scale, with cells of other sizes than the scene's: its
+unknowns, contact elements, seconds of each stage, memory of all processes where it is largest and
+the largest stated error; then the exponents over the unknowns. ``--cpu``: one process, and seconds
+of its processor, for a machine that does other work as well. ``--csv`` keeps the table.
 """
 
 from __future__ import annotations
@@ -53,16 +59,19 @@ HERE = Path(__file__).parent
 SCENE = HERE / "scenes" / "disc_brake_demo.toml"
 RESOLVED = HERE / "scenes" / "disc_brake_resolved.toml"
 REAL = 4 * BLOCK  # samples that are computed
+CELLS = {"disc.size": 7.0, "pad.size": 4.5, "pad.plate_size": 5.0}  # of the reference brake [mm]
 MAIN = "import sys; from brake_fenicsx.cli import main; sys.exit(main(sys.argv[1:]))"
+BY_CPU = "import time; time.perf_counter = time.process_time; " + MAIN
 ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
 
 
 def study(
-    scene: Path, out: Path, samples: int, processes: int, sets: list[str], cache: Path | None = None
-) -> float:
+    scene: Path, out: Path, samples: int, processes: int, sets: list[str],
+    cache: Path | None = None, flags: tuple[str, ...] = (), program: str = MAIN,
+) -> float:  # fmt: skip
     """Run a study and return its seconds."""
     parallel = ["mpirun", "-n", str(processes), "--oversubscribe"] if processes > 1 else []
-    words = [*parallel, sys.executable, "-c", MAIN, "run", str(scene), "-o", str(out)]
+    words = [*parallel, sys.executable, "-c", program, "run", str(scene), "-o", str(out), *flags]
     words += ["--cache", str(cache)] if cache else []
     for change in [f"samples.n={samples}", *sets]:
         words += ["--set", change]
@@ -268,6 +277,37 @@ def print_rare(loud: np.ndarray, n: int) -> None:
         )
 
 
+def sizes(args: argparse.Namespace) -> None:
+    """One row for each size of cells, then how seconds and bytes grow."""
+    scene, rows = HERE / "scenes" / "disc_brake.toml", []
+    names = ("brake", "micro", "offline", "samples", "results", "whole", "GB")
+    head = "".join(f"{name:>9}" for name in names)
+    print(f"{'dofs':>8}{'elements':>9}{head}{'error':>10}   seconds", flush=True)
+    for factor in args.cells:
+        given = [f"parts.{k}='{v * factor:g} mm'" for k, v in CELLS.items()]
+        given += ["samples.approaches=['multi-scale']", "stability.verify=0", *args.set]
+        with tempfile.TemporaryDirectory() as folder:
+            out = Path(folder) / "out"
+            processes, program = (1, BY_CPU) if args.cpu else (args.processes, MAIN)
+            flags = ("--no-pictures",)
+            study(scene, out, args.samples, processes, given, flags=flags, program=program)
+            found = json.loads((out / "summary.json").read_text())
+        seconds, memory = found["seconds"], max(found["peak_memory_mb"].values()) / 1e3
+        row = [*(seconds[n] for n in names[:5]), sum(seconds[n] for n in names[:5]), memory]
+        rows.append([found["dofs"], found["contact_elements"], *row,
+                     found["samples"]["multi-scale"]["largest_error"]])  # fmt: skip
+        text = "".join(f"{x:9.1f}" for x in row)
+        print(f"{rows[-1][0]:8d}{rows[-1][1]:9d}{text}{rows[-1][-1]:10.1e}", flush=True)
+    if args.csv:
+        with args.csv.open("w", newline="") as file:
+            csv.writer(file).writerows([["dofs", "elements", *names, "error"], *rows])
+    if len(rows) > 1:
+        logs = np.log(np.array(rows))
+        grown = [np.polyfit(logs[:, 0], logs[:, j], 1)[0] for j in range(1, 9)]
+        text = "".join(f"{x:9.2f}" for x in grown[1:])
+        print(f"{'exponent':>8}{grown[0]:9.2f}{text}")
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -295,6 +335,14 @@ def main() -> None:
     four.add_argument("results", type=Path)
     four.add_argument("--limit", type=float, default=0.001, help="of the damping")
     four.set_defaults(do=rare)
+    five = commands.add_parser("sizes")
+    five.add_argument("--cells", type=float, nargs="+", default=[2.0, 1.0, 0.72])
+    five.add_argument("--samples", type=int, default=20)
+    five.add_argument("--processes", type=int, default=2)
+    five.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
+    five.add_argument("--cpu", action="store_true")
+    five.add_argument("--csv", type=Path)
+    five.set_defaults(do=sizes)
     args = parser.parse_args()
     args.do(args)
 

@@ -19,6 +19,7 @@ import argparse
 import os
 import resource
 import time
+from dataclasses import replace
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -32,6 +33,7 @@ import scipy.sparse as sp
 from brake_fenicsx.build.brake import Brake, assemble_brake
 from brake_fenicsx.build.changes import assemble_changes
 from brake_fenicsx.build.damping_terms import damping_terms
+from brake_fenicsx.build.material_table import layer_materials
 from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.stability import (
@@ -107,6 +109,7 @@ class Case:
 
     def __init__(self, scene: Scene, b: Brake, kind: str, spread: float, given: argparse.Namespace):
         """Offline stage."""
+        b = replace(b, materials=layer_materials(scene, b.mesh.layers))  # those with loss factors
         self.b, self.kind, self.spread, self.band = b, kind, spread, (0.0, given.band)
         self.K, self.M = b.K, b.M
         self.terms = damping_terms(scene, b) if kind in BULK else None

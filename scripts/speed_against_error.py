@@ -6,6 +6,7 @@
 Writes speed_against_error.png and .csv (panel, curve, setting, seconds, error, default). Every
 point is measured in this run, on one core; seconds and errors compare within it alone.
 ``--quick``: smaller models, which show the curves' shape and no figure that means anything.
+A fifth panel shows brake_sizes.csv, where ``bench_ensemble.py sizes`` has written it to the folder.
 
 laws           stiffness of vibrations between 0.05 and 5 MPa, rms over surfaces, against one grid
                of all pixels and four times the steps; seconds of a law; Tamaas where installed
@@ -30,6 +31,7 @@ from dataclasses import astuple, dataclass, fields
 from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -181,7 +183,7 @@ def complex_modes(quick: bool) -> Iterator[Point]:
         *(["parts.disc.size='24 mm'", "parts.pad.size='14 mm'"] if quick else []),
     ]  # fmt: skip
     built = assemble_brake(read_scene(SCENES / "disc_brake_demo.toml", changes), MPI.COMM_SELF)
-    for kind in ("undamped",) if quick else ("undamped", "loss", "sliding"):
+    for kind in ("undamped", "loss") if quick else ("undamped", "loss", "sliding"):
         more = reduction.damped_by(kind)
         scene = read_scene(SCENES / "disc_brake_demo.toml", [*changes, *more])
         full = None
@@ -275,10 +277,14 @@ def probability(quick: bool) -> Iterator[Point]:
 
 def draw(points: list[Point], path: Path) -> None:
     """One panel for each stage; rings mark the defaults."""
+    sizes = path.with_name("brake_sizes.csv")
     with house_style():
-        figure = Figure(figsize=(9.6, 7.6), layout="constrained")
+        figure = Figure(figsize=(9.6, 7.6 + 3.2 * sizes.exists()), layout="constrained")
+        rows = figure.subfigures(2, 1, height_ratios=(7.6, 3.2)) if sizes.exists() else [figure]
+        if sizes.exists():
+            draw_sizes(rows[1], sizes)
         for axis, (panel, quantity) in zip(
-            figure.subplots(2, 2).ravel(), PANELS.items(), strict=True
+            rows[0].subplots(2, 2).ravel(), PANELS.items(), strict=True
         ):
             own = [p for p in points if p.panel == panel]
             for i, curve in enumerate(dict.fromkeys(p.curve for p in own)):
@@ -296,6 +302,27 @@ def draw(points: list[Point], path: Path) -> None:
             axis.grid(alpha=0.25, which="both", linewidth=0.4)
             axis.legend(fontsize=6.5)
         figure.savefig(path, dpi=150, facecolor="white", metadata={"Software": None})
+
+
+def draw_sizes(figure: Any, table: Path) -> None:
+    """Seconds of the stages and bytes of brakes of several sizes."""
+    with table.open() as file:
+        rows = list(csv.DictReader(file))
+    dofs = [float(row["dofs"]) for row in rows]
+    axis = figure.subplots()
+    beside = axis.twinx()
+    for i, stage in enumerate(("brake", "micro", "offline", "samples", "results")):
+        line = [float(row[stage]) for row in rows]
+        axis.loglog(dofs, line, MARKERS[i] + "-", color=CYCLE[i], label=stage, ms=5)
+    memory = [float(row["GB"]) for row in rows]
+    beside.loglog(dofs, memory, "k:", label="memory [GB], right")
+    axis.set(title="growth", xlabel="free dofs", ylabel="seconds, one process")
+    beside.set(ylabel="GB")
+    beside.spines["right"].set_visible(True)
+    axis.grid(alpha=0.25, which="both", linewidth=0.4)
+    axis.legend(*(a + b for a, b in zip(
+        axis.get_legend_handles_labels(), beside.get_legend_handles_labels(), strict=True
+    )), fontsize=6.5)  # fmt: skip
 
 
 def main() -> None:
