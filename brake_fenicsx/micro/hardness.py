@@ -18,8 +18,7 @@ from scipy.stats import t as student
 
 from brake_fenicsx.arguments import Array, Mask, number, positive
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.arrays import reading
-from brake_fenicsx.folder.text_tables import TextTable
+from brake_fenicsx.folder.arrays import TextTable, reading
 from brake_fenicsx.micro.halfspace import half_space_of
 from brake_fenicsx.micro.library import LawRecipe
 from brake_fenicsx.micro.loading import solve_contact

@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import TextTable
 from brake_fenicsx.folder.processes import on_first
-from brake_fenicsx.folder.text_tables import TextTable
 from brake_fenicsx.results.ensemble_statistics import wilson
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import RowTable

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.arrays import reading
-from brake_fenicsx.folder.text_tables import TextTable
+from brake_fenicsx.folder.arrays import TextTable, reading
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.keys import key
 from brake_fenicsx.scene.samples_section import split_key, unit_of

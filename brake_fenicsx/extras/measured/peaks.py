@@ -8,8 +8,8 @@ import numpy as np
 
 from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import TextTable
 from brake_fenicsx.folder.log import logger
-from brake_fenicsx.folder.text_tables import TextTable
 
 from .measured import modes_of, read_sets
 

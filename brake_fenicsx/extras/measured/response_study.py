@@ -18,7 +18,7 @@ from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.build.material_table import layer_materials
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.text_tables import TextTable
+from brake_fenicsx.folder.arrays import TextTable
 from brake_fenicsx.macro.elasticity import Elastic
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.report import style
