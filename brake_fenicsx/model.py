@@ -33,7 +33,7 @@ from brake_fenicsx.scene.read import from_text, scene_text, toml_text, with_obje
 from brake_fenicsx.scene.samples_section import Range, Sweep, unit_of
 from brake_fenicsx.scene.scalars import check_scalar, meant, si_unit
 from brake_fenicsx.stages import Run
-from brake_fenicsx.sweeps.followed import Branches
+from brake_fenicsx.sweeps.sweep_study import Branches
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium

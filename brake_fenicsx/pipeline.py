@@ -22,7 +22,7 @@ import numpy as np
 from brake_fenicsx import checks
 from brake_fenicsx.arguments import with_its_arguments
 from brake_fenicsx.build.law_stage import law_recipe, micro_stage
-from brake_fenicsx.costs import earlier_run
+from brake_fenicsx.description import earlier_run
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import load, named
 from brake_fenicsx.folder.files import SharedCache

@@ -24,9 +24,8 @@ from brake_fenicsx.stability.eigensolvers.eigenpairs import QuadraticPencil, inn
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures.vectors import ContactMotions
 
-from .equilibria import Equilibria
 from .sampling import SampleInput
-from .solve import linearised
+from .solve import Equilibria, linearised
 
 _Arrays = dict[str, AnyArray]
 

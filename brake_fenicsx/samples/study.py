@@ -29,12 +29,20 @@ from brake_fenicsx.stability.substructures.parameter_line import Basis
 
 from .drivers import driver_arrays
 from .ensemble import run_ensemble
-from .equilibria import Equilibria
 from .forces import forces_of_sample, mean_friction, moved
 from .models import Models
-from .random_inputs import PERFECT, note_laws, points_of
-from .sampling import Roughness, SampleInput, at_values, draw_sample, sample_count, sample_seed
-from .solve import More, displacements, full_modes, modes_of_sample, reduced_modes
+from .sampling import (
+    PERFECT,
+    Roughness,
+    SampleInput,
+    at_values,
+    draw_sample,
+    note_laws,
+    points_of,
+    sample_count,
+    sample_seed,
+)
+from .solve import Equilibria, More, displacements, full_modes, modes_of_sample, reduced_modes
 
 T = TypeVar("T")
 

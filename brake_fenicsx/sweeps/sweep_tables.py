@@ -22,8 +22,7 @@ from brake_fenicsx.results.tables import Row, RowTable
 from brake_fenicsx.scene.scalars import si_unit
 
 from .events import FROM_FIRST, MERGING, ONSET, Critical, critical_values
-from .followed import StoredLine
-from .sweep_study import SweepStudy, cut_branches
+from .sweep_study import StoredLine, SweepStudy, cut_branches
 
 # A mode that begins to squeal takes the number of a family that squeals in the samples, unless it
 # is so much likelier another one, as the decaying mode of the same pair.

@@ -12,10 +12,9 @@ import numpy as np
 from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.results.families import ModeFamilies
-from brake_fenicsx.samples.equilibria import Equilibria
 from brake_fenicsx.samples.models import Models
 from brake_fenicsx.samples.sampling import SampleInput, at_values
-from brake_fenicsx.samples.solve import reduced_modes
+from brake_fenicsx.samples.solve import Equilibria, reduced_modes
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.stability import Modes

@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.checks import check, with_patch, with_pixels
-from brake_fenicsx.costs import calibrated_seconds, work_of_a_second
+from brake_fenicsx.description import calibrated_seconds, work_of_a_second
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first

@@ -27,7 +27,7 @@ from brake_fenicsx.folder.store import Store
 from brake_fenicsx.model import Model, prepare
 from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
 from brake_fenicsx.results.run import read_run
-from brake_fenicsx.samples.random_inputs import (
+from brake_fenicsx.samples.sampling import (
     check_values,
     law_factor,
     law_material,
