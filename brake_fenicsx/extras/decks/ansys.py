@@ -14,8 +14,6 @@ from dataclasses import dataclass, field
 from operator import length_hint
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from brake_fenicsx.errors import SceneError
@@ -24,8 +22,6 @@ from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh, held_nodes, nu
 from .abaqus_scope import KINDS
 from .keywords import TABLES
 from .node_axes import TURNED, component_along
-
-Array = NDArray[np.float64]
 
 _SOLIDS = {*TABLES["elements"]["solids"]}
 _NAMES = {int(re.sub(r"\D", "", name)): name for name in TABLES["elements"]["others"]}

@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from brake_fenicsx.arguments import Array, Ints
 from brake_fenicsx.build.bodies import added_to_face
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import COMPONENTS, Elastic, FreeDofs
@@ -25,8 +25,6 @@ from .superelement import Superelement, doubts, read_superelement, rigid_motions
 
 logger = logging.getLogger(__name__)
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 # Largest distance between a node and the face it is tied to, where a scene names none, over the
 # side of a facet; and how far outside a facet its foot may lie, in reference coordinates.
@@ -48,7 +46,7 @@ def with_superelements(scene: Scene, mesh: Mesh, elastic: Elastic) -> Elastic:
     Raises:
         SceneError: the file, key, value and remedy.
     """
-    bodies: dict[str, tuple[Superelement, sp.csr_matrix, Index]] = {}
+    bodies: dict[str, tuple[Superelement, sp.csr_matrix, Ints]] = {}
     weighed: dict[str, tuple[float, tuple[float, ...]]] = {}
     size, found = elastic.free.size, list(elastic.doubts)
     for name, part in scene.parts.items():
@@ -117,7 +115,7 @@ def _added(
 
 
 def _lacking(
-    body: Superelement, nodes: Index, components: tuple[int, ...] | list[int] = (0, 1, 2)
+    body: Superelement, nodes: Ints, components: tuple[int, ...] | list[int] = (0, 1, 2)
 ) -> str:
     """What is said of a set with nodes that the matrices have no displacement of."""
     lost = nodes[np.any(body.rows[nodes][:, components] < 0, axis=1)]
@@ -143,7 +141,7 @@ def _padded(elastic: Elastic, total: int) -> Elastic:
 
 def _eliminated(
     scene: Scene, name: str, body: Superelement, mesh: Mesh, free: FreeDofs
-) -> tuple[sp.csr_matrix, Index]:
+) -> tuple[sp.csr_matrix, Ints]:
     """What ties and supports make of the coordinates of a body.
 
     Returns:
@@ -153,7 +151,7 @@ def _eliminated(
     taken: dict[int, str] = {}
     tied = sp.csr_matrix((body.K.shape[0], free.size))
 
-    def take(nodes: Index, components: list[int], where: str) -> None:
+    def take(nodes: Ints, components: list[int], where: str) -> None:
         rows = body.rows[nodes][:, components].reshape(-1)
         if np.any(rows < 0):
             raise SceneError(f"{where}: {_lacking(body, nodes, components)}")
@@ -200,7 +198,7 @@ def _eliminated(
     return tied, np.setdiff1d(np.arange(body.K.shape[0]), np.array([*taken], dtype=int))
 
 
-def _feet(face: Face, x: Array) -> tuple[Index, Array, Array]:
+def _feet(face: Face, x: Array) -> tuple[Ints, Array, Array]:
     """Where points lie on a face: dofs and shape functions there, and distances [m]."""
     tree = cKDTree(face.centre)
     count = min(12, len(face.centre))
@@ -215,7 +213,7 @@ def _feet(face: Face, x: Array) -> tuple[Index, Array, Array]:
     return face.columns[facet], shape, distance
 
 
-def _places(body: Superelement, kept: Index, number: int) -> Array:
+def _places(body: Superelement, kept: Ints, number: int) -> Array:
     """Place [m], direction (3: none) and number of the body of each coordinate, shape (kept, 5)."""
     out = np.empty((body.K.shape[0], 5))
     out[:] = [*body.points.mean(axis=0), 3, number]

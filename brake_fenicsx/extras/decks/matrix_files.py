@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Ints
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import read_npz, reading
 
 # Node and component (1, 2, 3: displacements, 4, 5, 6: rotations) of each row, shape (rows, 2).
-Labels = NDArray[np.int64]
+Labels = Ints
 
 # Entries below this share of the largest one tell no triangle from another.
 ROUND_OFF = 1e-6
@@ -154,7 +154,7 @@ def _columns(path: Path) -> LabelledMatrix:
                 )
     if not rows:
         raise SceneError("no entries")
-    table: NDArray[np.float64] = np.array(rows)
+    table: Array = np.array(rows)
     if table.shape[1] == 3:
         i, j = table[:, :2].astype(int).T - 1
         size = int(max(i.max(), j.max())) + 1
@@ -163,14 +163,14 @@ def _columns(path: Path) -> LabelledMatrix:
     return _labelled(table[:, :4].astype(int), table[:, 4])
 
 
-def _labelled(pairs: NDArray[np.int_], values: NDArray[np.float64]) -> LabelledMatrix:
+def _labelled(pairs: Ints, values: Array) -> LabelledMatrix:
     """A matrix from node, component, node and component of each entry."""
     labels, place = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
     i, j = place.reshape(-1, 2).T
     return LabelledMatrix(_filled(i, j, values, len(labels)), labels)
 
 
-def _filled(i: NDArray, j: NDArray, values: NDArray, size: int) -> sp.csr_matrix:
+def _filled(i: AnyArray, j: AnyArray, values: AnyArray, size: int) -> sp.csr_matrix:
     """A matrix from its entries; where each pair of rows is given once, it stands for both."""
     if i.min() < 0 or j.min() < 0:
         raise SceneError("a row or column below 1")

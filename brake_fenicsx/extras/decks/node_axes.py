@@ -9,15 +9,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.filemesh import DeckKeyword
 
 from .abaqus_scope import Scope
 from .keywords import doubts
 
-Array = NDArray[np.float64]
 Frame = tuple[tuple[float, ...], ...]
 # An axis is x, y or z within this cosine.
 _ALONG = 1.0 - 1e-9

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Ints
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.macro.solver import Factor
@@ -27,8 +27,6 @@ from brake_fenicsx.scene.units import factor_to_si
 
 from .matrix_files import Labels, read_matrix, read_row_labels
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 # A stiffness with eigenvalues further below zero than those of 100 Hz is not that of a body; what
 # round-off of a text file makes of the rigid motions lies above.
 BELOW = (2 * np.pi * 100.0) ** 2
@@ -62,8 +60,8 @@ class Superelement:
     M: sp.csr_matrix
     C: sp.csr_matrix | None
     points: Array
-    rows: Index
-    sets: dict[str, Index]
+    rows: Ints
+    sets: dict[str, Ints]
     unknown: int = 0
 
 
@@ -154,7 +152,7 @@ def _as_rows(A: sp.csr_matrix, labels: Labels, wanted: Labels, source: str) -> s
     return sp.csr_matrix((A.data, (rows[A.row], rows[A.col])), shape=2 * (len(wanted),))
 
 
-def _rows(labels: Index, first: Labels | None, size: int, modal: int) -> Index:
+def _rows(labels: Ints, first: Labels | None, size: int, modal: int) -> Ints:
     """Row of each node's displacement in x, y, z, shape (nodes, 3)."""
     if first is None:
         if size != 3 * labels.size + modal:
@@ -172,7 +170,7 @@ def _rows(labels: Index, first: Labels | None, size: int, modal: int) -> Index:
     return np.asarray(rows).reshape(-1, 3)
 
 
-def _nodes(path: Path) -> tuple[Index, Array, dict[str, Index]]:
+def _nodes(path: Path) -> tuple[Ints, Array, dict[str, Ints]]:
     """Numbers, places and sets of a table of nodes: node, x, y, z and the names of its sets."""
     with reading(path, "as text", at=""):
         lines = path.read_text(encoding="utf-8-sig").splitlines()

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from brake_fenicsx.arguments import AnyArray, Complex, Mask
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.report.page_blocks import Table, Text
@@ -28,7 +28,7 @@ from . import page
 from .surfaces import COLUMNS as SURFACE_COLUMNS
 from .surfaces import surface_blocks, surface_rows, surface_text
 
-Shapes = dict[str, NDArray]
+Shapes = dict[str, AnyArray]
 COLUMNS = (
     "approach", "family_a", "family_b", "mac", "frequency_a_hz", "frequency_b_hz", "samples_a",
     "samples_b", "probability_a", "probability_b", "change", "change_low", "change_high",
@@ -52,7 +52,7 @@ class Side:
     """
 
     number: int | None
-    squeal: NDArray[np.bool_]
+    squeal: Mask
     frequency: float | None = None
     damping: float | None = None
 
@@ -143,7 +143,7 @@ def shapes_of(run: RunData) -> Shapes | None:
 
 def _at_common_nodes(
     one: Shapes, first: list[int], two: Shapes, second: list[int]
-) -> tuple[NDArray, NDArray]:
+) -> tuple[AnyArray, AnyArray]:
     """Shapes of families at those nodes of the first run that the second one has too."""
     size = np.ptp(one["points"], axis=0).max()
     places = [np.column_stack([s["points"], s["body"]]) for s in (one, two)]
@@ -153,7 +153,7 @@ def _at_common_nodes(
     return X.reshape(len(X), -1).T, Y.reshape(len(Y), -1).T
 
 
-def _vectors(shapes: Shapes, numbers: list[int]) -> NDArray[np.complex128]:
+def _vectors(shapes: Shapes, numbers: list[int]) -> Complex:
     """Shapes of some families; zero where one was not kept."""
     kept = {int(n): i for i, n in enumerate(shapes["families"])}
     out = np.zeros((len(numbers), *shapes["shapes"].shape[1:]), complex)

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.micro.law import LawLibrary, LawSteps
 from brake_fenicsx.micro.library import PRESSURES
 from brake_fenicsx.report import style
@@ -107,7 +107,7 @@ def differing(rows: Sequence[Sequence[Value]]) -> str:
     )
 
 
-def _median(values: NDArray | None, factor: float) -> tuple[float | None, float | None]:
+def _median(values: AnyArray | None, factor: float) -> tuple[float | None, float | None]:
     """Median of laws and its standard error, from the order of their values."""
     if values is None:
         return None, None
@@ -190,7 +190,7 @@ def draw_surfaces(runs: Runs) -> style.Figure:
                 share, heights, _ = bearing_curves(s)
                 bearing.plot(100 * share, 1e6 * heights, **looks)
         if (library := _library(run)) is not None:
-            p: NDArray = np.geomspace(PRESSURES[0], PRESSURES[-1], 40)
+            p: AnyArray = np.geomspace(PRESSURES[0], PRESSURES[-1], 40)
             v = [np.quantile(np.asarray(library.at_pressure(x).v), [0.05, 0.5, 0.95]) for x in p]
             low, middle, high = np.array(v).T / 1e9
             stiffness.fill_between(p / 1e6, low, high, color=colour, alpha=0.2, lw=0)

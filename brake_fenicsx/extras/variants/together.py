@@ -11,8 +11,8 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Ints
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
@@ -49,8 +49,8 @@ class Grid:
     """
 
     levers: tuple[Countermeasure, Countermeasure]
-    values: tuple[NDArray[np.float64], NDArray[np.float64]]
-    hits: NDArray[np.int64]
+    values: tuple[Array, Array]
+    hits: Ints
     samples: int
 
     @property

@@ -16,9 +16,9 @@ from types import MappingProxyType
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import beta, binom
 
+from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import in_turns
@@ -60,7 +60,7 @@ class Worst:
     any: Proportion
     samples: list[int]
     loud: list[int]
-    shapes: dict[str, NDArray]
+    shapes: dict[str, AnyArray]
     column: int
     threshold: float
 

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Ints
 from brake_fenicsx.extras.decks.abaqus_scope import find
 from brake_fenicsx.extras.decks.keywords import KNOWN, doubts
 from brake_fenicsx.meshing.filemesh import FileMesh, corners_of
@@ -17,7 +17,6 @@ from brake_fenicsx.meshing.rawmesh import Stated, Unread, facet_keys
 from .deck import read_deck
 from .statements import Deck
 
-Ints = NDArray[np.int64]
 _SECTIONS = ("ties", "contact", "supports", "loads", "springs", "masses")
 
 

@@ -7,15 +7,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Ints
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import find
 from brake_fenicsx.meshing.filemesh import FileMesh, corners_of, listed
 from brake_fenicsx.meshing.rawmesh import CORNERS, EDGES, FACETS, facet_keys
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 # Two shells that meet are at most this angle apart [rad]; rims and corners have 90 degrees.
 FOLD = np.radians(110.0)

@@ -13,8 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Ints
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import FACES
 from brake_fenicsx.meshing.filemesh import FileMesh, listed, same_length
@@ -29,9 +29,6 @@ from .shell_surface import (
     shared_nodes,
     shell_surface,
 )
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def solid_shells(found: FileMesh, sections: Sequence[ShellSection]) -> FileMesh:

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Ints
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import find
 from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh
@@ -103,7 +103,7 @@ class Deck:
             own.pop(key, None)
         return own
 
-    def nodes(self, name: str) -> NDArray[np.int64]:
+    def nodes(self, name: str) -> Ints:
         """Nodes of a set, or the one of a number."""
         if name.isdigit():
             return np.array([self.mesh.numbers[int(name)]])

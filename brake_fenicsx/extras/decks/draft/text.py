@@ -24,8 +24,7 @@ from brake_fenicsx.scene.keys import dotted
 from brake_fenicsx.scene.units import several
 
 from .deck import read_deck
-from .faces import MADE, bodies_of, clean
-from .motion import moving_part, proposed_motion
+from .faces import MADE, bodies_of, clean, moving_part, proposed_motion
 from .shells import solid_shells, write_abaqus
 from .statements import Deck, Quantity, guessed_units, moduli, si, toml
 
