@@ -199,7 +199,7 @@ def _coarse_patch(scene: Scene, stats: SurfaceStatistics) -> Iterator[str]:
 
 def _too_smooth(scene: Scene, stats: SurfaceStatistics) -> Iterator[str]:
     """The pad of a brake that is smoother than any lining: heights in a wrong unit, as a rule."""
-    from brake_fenicsx.surface.iso25178 import gradients
+    from brake_fenicsx.surface.hdf import gradients
 
     slopes = [gradients(t.heights, t.pixel)[0] for t in stats.topographies]
     rough = stats.S_q >= MIN_ROUGHNESS[0] and min(slopes, default=1.0) >= MIN_ROUGHNESS[1]

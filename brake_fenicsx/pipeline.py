@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from brake_fenicsx.samples.sampling import Roughness
     from brake_fenicsx.samples.study import Study
     from brake_fenicsx.surface import SurfaceStatistics
-    from brake_fenicsx.surface.waviness import Waviness
+    from brake_fenicsx.surface.spectrum import Waviness
     from brake_fenicsx.sweeps.sweep_study import SweepStudy
 
     Surfaces = Mapping[str, SurfaceStatistics]  # by the section of each
@@ -285,7 +285,7 @@ def _waviness(scene: Scene, stats: SurfaceStatistics | None) -> Waviness | None:
         return None
     if stats is None or scene.surface is None or scene.micro is None:
         return None
-    from brake_fenicsx.surface.waviness import Waviness
+    from brake_fenicsx.surface.spectrum import Waviness
 
     return Waviness(stats.spectrum, float(scene.micro.patch), scene.surface.low)
 

@@ -26,7 +26,7 @@ from brake_fenicsx.arguments import Array, Index
 if TYPE_CHECKING:
     from brake_fenicsx.micro.law import Laws
     from brake_fenicsx.surface.hdf import HeightDistribution
-    from brake_fenicsx.surface.waviness import Waviness
+    from brake_fenicsx.surface.spectrum import Waviness
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,8 +20,7 @@ from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.geometry.part import PartEntities, Swept
 
 from .gmsh_mesh import MeshSettings, built_part, discrete_model, gmsh_session, mesh_part
-from .quality import Quality, orientation, quality, volumes
-from .rawmesh import RawMesh, Unread, facet_nodes, joined
+from .rawmesh import Quality, RawMesh, Unread, facet_nodes, joined, orientation, quality, volumes
 
 
 class PartBuilder(Protocol):

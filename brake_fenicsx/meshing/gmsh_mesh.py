@@ -13,8 +13,7 @@ import numpy as np
 from brake_fenicsx.arguments import AnyArray, Array, Ints
 from brake_fenicsx.geometry.part import PartEntities, Swept
 
-from .quality import quality
-from .rawmesh import RawMesh, with_mirror_image, without_unused_nodes
+from .rawmesh import RawMesh, quality, with_mirror_image, without_unused_nodes
 from .swept import Footprint, sweep
 
 logger = logging.getLogger(__name__)

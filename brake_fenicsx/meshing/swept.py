@@ -13,8 +13,7 @@ import numpy as np
 
 from brake_fenicsx.arguments import Array, Ints
 
-from .quality import orientation
-from .rawmesh import CORNERS, MIDDLES, RawMesh, turned, without_unused_nodes
+from .rawmesh import CORNERS, MIDDLES, RawMesh, orientation, turned, without_unused_nodes
 
 # Nodes of a plane element -> its corners and order.
 PLANE = {3: (3, 1), 6: (3, 2), 4: (4, 1), 9: (4, 2)}

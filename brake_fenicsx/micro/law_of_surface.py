@@ -35,7 +35,7 @@ from brake_fenicsx.errors import SceneError, SurfaceError
 from brake_fenicsx.micro.halfspace import Boundary, HalfSpace, half_space_of
 from brake_fenicsx.micro.law import ComputedLaw, LawSteps, make_library
 from brake_fenicsx.micro.sweep import Step, given, steps_per_decade, sweep
-from brake_fenicsx.surface.iso25178 import gradients
+from brake_fenicsx.surface.hdf import gradients
 from brake_fenicsx.surface.topography import Topography
 
 WIDTH = np.log(10.0) / 3.0  # of the regression over ln p

@@ -18,7 +18,7 @@ from brake_fenicsx.errors import NotConverged, SceneError, SurfaceError
 from brake_fenicsx.micro.active import AllPixels, HighPixels, Pixels, active_set
 from brake_fenicsx.micro.halfspace import Boundary, HalfSpace, half_space_of
 from brake_fenicsx.micro.qp import ContactState, certify, projected_cg
-from brake_fenicsx.surface.iso25178 import gradients
+from brake_fenicsx.surface.hdf import gradients
 
 Solver = Literal["auto", "active-set", "pcg"]
 

@@ -44,7 +44,7 @@ from .designs import RIGID, correlated, correlation_root, design_points, design_
 
 if TYPE_CHECKING:
     from brake_fenicsx.surface.hdf import HeightDistribution
-    from brake_fenicsx.surface.waviness import Waviness
+    from brake_fenicsx.surface.spectrum import Waviness
 
 PENALTY = "samples.classical.penalty"
 

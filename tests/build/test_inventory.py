@@ -17,8 +17,7 @@ from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.meshing.brake_mesh import tagged_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
-from brake_fenicsx.meshing.quality import volumes
-from brake_fenicsx.meshing.rawmesh import RawMesh, exterior_facets, joined
+from brake_fenicsx.meshing.rawmesh import RawMesh, exterior_facets, joined, volumes
 from brake_fenicsx.scene import read_scene
 from places import BLOCK
 

@@ -17,7 +17,7 @@ from brake_fenicsx.meshing.brake_mesh import check_cells, tagged_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.meshing.groups import mesh_of_file
 from brake_fenicsx.meshing.meshfile import read_mesh_file
-from brake_fenicsx.meshing.quality import orientation
+from brake_fenicsx.meshing.rawmesh import orientation
 from brake_fenicsx.scene.parts_section import MeshTable
 
 GROUPS = {

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from brake_fenicsx.arguments import Array
+from brake_fenicsx.arguments import AnyArray, Array
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import TextTable
 from brake_fenicsx.folder.processes import on_first
@@ -74,7 +74,7 @@ def scores(families: Frame, samples: Any, modes: Frame, limit: float) -> Frame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def rated(p: Array, n: Array, m: Array) -> Array:
+def rated(p: Array, n: Array, m: AnyArray) -> Array:
     """Brier score and area of the ROC, nan without stops of both kinds; shape (2, ...).
 
     Args:

@@ -14,14 +14,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from brake_fenicsx.arguments import Ints
+from brake_fenicsx.arguments import Array, Ints
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import find
 from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh
 from brake_fenicsx.scene.keys import dotted
 from brake_fenicsx.scene.units import MODULI, factor_to_si, with_unit
 
-from .shell_surface import Array, ShellSection
+from .shell_surface import ShellSection
 
 # Consistent units of length, mass and time; densities of solids [kg/m^3], lengths of brakes [m].
 SYSTEMS = ("mm t s", "m kg s", "mm kg ms", "mm g ms", "inch slinch s")
