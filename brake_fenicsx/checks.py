@@ -12,10 +12,10 @@ from scipy.fft import next_fast_len
 
 from brake_fenicsx.errors import SceneError, lines
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.contact_section import MAX_PIXELS
 from brake_fenicsx.scene.keys import dotted
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.scene import active_terms, own_surface, rubs, slides
-from brake_fenicsx.scene.surface_section import MAX_PIXELS
 from brake_fenicsx.scene.warnings import unusual
 
 if TYPE_CHECKING:

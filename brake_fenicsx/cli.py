@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 
-from brake_fenicsx.folder.kernels import best_kernels
+from brake_fenicsx.libraries import best_kernels
 
 # One BLAS thread per process, and kernels for the processor, before any library is loaded.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -133,7 +133,7 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
     level = "WARNING" if options.quiet else "DEBUG" if options.verbose else "INFO"
     start_log(comm.rank, level=level)
     if petsc:
-        from brake_fenicsx.petsc import start_petsc
+        from brake_fenicsx.libraries import start_petsc
 
         start_petsc(petsc)
     command = options.command

@@ -347,7 +347,7 @@ def _prepared(
 ) -> Study:
     """Brake, laws and reduced model, made or loaded from the folder; collective."""
     if comm.size == 1 and "mpi4py.futures" in sys.modules:
-        from brake_fenicsx.petsc import start_petsc
+        from brake_fenicsx.libraries import start_petsc
 
         # PETSc starts on all processes together, and those of a pool wait for work elsewhere.
         start_petsc(comm=comm)

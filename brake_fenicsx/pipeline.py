@@ -30,9 +30,9 @@ from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.log import Progress, logger, spared, start_log
 from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.folder.store import PREPARED, Store, check_folder, enter_prepared, open_folder
+from brake_fenicsx.libraries import differences, versions
 from brake_fenicsx.results.answer import open_points, summary_table, write_tables
 from brake_fenicsx.results.run import RunData, read_run
-from brake_fenicsx.results.versions import differences, versions
 from brake_fenicsx.scene import STAGES, Scene, read_scene
 from brake_fenicsx.scene.digest import in_effect, result_digest
 from brake_fenicsx.scene.scene import friction_texts, listed, own_surface

@@ -286,7 +286,7 @@ def main() -> None:
     parser.add_argument("--case", type=json.loads, help=argparse.SUPPRESS)
     at = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
     if sys.argv[at + 1 :]:
-        from brake_fenicsx.petsc import start_petsc
+        from brake_fenicsx.libraries import start_petsc
 
         start_petsc(sys.argv[at + 1 :])
     given = parser.parse_args(sys.argv[1:at])

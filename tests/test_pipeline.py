@@ -15,8 +15,8 @@ import pytest
 from brake_fenicsx.build.brake import assemble_brake, check_brake
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import NotConverged, SceneError
+from brake_fenicsx.libraries import LIBRARIES, version_of
 from brake_fenicsx.pipeline import assemble, run
-from brake_fenicsx.results.versions import LIBRARIES, version_of
 from brake_fenicsx.samples import solve as one_sample
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import read_scene

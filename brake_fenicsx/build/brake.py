@@ -20,7 +20,7 @@ from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.bodies_section import Motion
+from brake_fenicsx.scene.parts_section import Motion
 from brake_fenicsx.scene.scene import slides
 from brake_fenicsx.stability.damping_matrices import gyroscopic
 

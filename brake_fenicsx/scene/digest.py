@@ -13,8 +13,8 @@ from brake_fenicsx.extensions import extras, named
 from brake_fenicsx.folder.files import digest
 
 from . import LawTable, Samples, Scene
+from .contact_section import Surface
 from .scalars import changes_bodies
-from .surface_section import Surface
 
 # Format of laws and samples on disk: what older programs wrote is not read as current.
 FORMAT = 4

@@ -22,9 +22,9 @@ from brake_fenicsx.errors import SceneError, located
 from brake_fenicsx.extensions import MESH_FILES, Extensions, load, named, own_class
 from brake_fenicsx.folder.files import whole_file
 
-from .bodies_section import DIRECTIONS, Held
 from .contact_section import with_table
 from .keys import contradictions, dotted, key_parts, read_table, shown, walk
+from .parts_section import DIRECTIONS, Held
 from .rules import check_consistent
 from .samples_section import complete
 from .scalars import SPEED, check_scalar, si_unit

@@ -7,9 +7,8 @@ from itertools import combinations
 
 from brake_fenicsx.errors import SceneError
 
-from .bodies_section import DIRECTIONS
 from .keys import dotted, shown
-from .parts_section import BUILDERS, longest_length
+from .parts_section import BUILDERS, DIRECTIONS, longest_length
 from .samples_section import APPROACHES, NO_ROUGH_SAMPLES, below_least, is_constant, split_key
 from .scalars import check_scalar
 from .scene import (

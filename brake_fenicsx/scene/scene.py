@@ -18,13 +18,23 @@ from typing import Any, Self
 
 from brake_fenicsx.extensions import Extensions, beside_samples, extras, load
 
-from .bodies_section import HELD, AddedMass, Held, Load, Motion, Spring, Tie
-from .contact_section import ContactTable, Friction
+from .contact_section import ContactTable, Friction, Micro, Surface
 from .keys import dotted, key
-from .parts_section import MaterialTable, MeshTable, Part, parts_type
+from .parts_section import (
+    HELD,
+    AddedMass,
+    Held,
+    Load,
+    MaterialTable,
+    MeshTable,
+    Motion,
+    Part,
+    Spring,
+    Tie,
+    parts_type,
+)
 from .samples_section import Samples, Sweep
 from .stability_section import TERMS, Damping, EquilibriumTable, Stability
-from .surface_section import Micro, Surface
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
 

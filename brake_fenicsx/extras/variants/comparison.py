@@ -17,12 +17,12 @@ from scipy.spatial import KDTree
 from brake_fenicsx.arguments import AnyArray, Complex, Mask
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import read_npz, reading
+from brake_fenicsx.libraries import differences
 from brake_fenicsx.report.page_blocks import Table, Text
 from brake_fenicsx.results.ensemble_statistics import difference
 from brake_fenicsx.results.families import SHAPES, same_families
 from brake_fenicsx.results.run import RunData, read_run
 from brake_fenicsx.results.tables import Value, text_table, write_rows
-from brake_fenicsx.results.versions import differences
 
 from . import page
 from .surfaces import COLUMNS as SURFACE_COLUMNS

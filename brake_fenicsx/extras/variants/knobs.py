@@ -13,9 +13,9 @@ from itertools import chain
 
 from brake_fenicsx.checks import MIN_PIXELS
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.contact_section import MAX_PIXELS
 from brake_fenicsx.scene.keys import dotted
 from brake_fenicsx.scene.stability_section import NEWTON
-from brake_fenicsx.scene.surface_section import MAX_PIXELS
 
 RESOLUTION, CHOICE = "resolution", "choice"
 MESH, FINER, PIXELS = 1.25, 2.0, 2.0**0.5
