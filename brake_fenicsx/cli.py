@@ -5,17 +5,17 @@ from __future__ import annotations
 import os
 import sys
 
-from brake_fenicsx.libraries import best_kernels
-
-# One BLAS thread per process, and kernels for the processor, before any library is loaded.
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
-# Where NumPy is loaded already, child processes shall take the same kernels as this one.
-if "numpy" not in sys.modules and (_kernels := best_kernels()) is not None:
-    os.environ.setdefault("OPENBLAS_CORETYPE", _kernels)
-
 INTERRUPTED = "brake-fenicsx: interrupted; the same command resumes the run"
 try:
+    from brake_fenicsx.libraries import best_kernels
+
+    # One BLAS thread per process, and kernels for the processor, before any library is loaded.
+    for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(_name, "1")
+    # Where NumPy is loaded already, child processes shall take the same kernels as this one.
+    if "numpy" not in sys.modules and (_kernels := best_kernels()) is not None:
+        os.environ.setdefault("OPENBLAS_CORETYPE", _kernels)
+
     import traceback
     from collections.abc import Sequence
     from typing import TYPE_CHECKING, Any

@@ -84,8 +84,7 @@ def measure_element(case: dict[str, Any]) -> dict[str, Any]:
     from mpi4py import MPI
 
     from brake_fenicsx.macro.braking import reference_stiffness
-    from brake_fenicsx.macro.condensation import compliance
-    from brake_fenicsx.macro.equilibrium import equilibrium
+    from brake_fenicsx.macro.equilibrium import compliance, equilibrium
     from brake_fenicsx.stability.eigensolvers.symmetric import lowest_modes
 
     sizes = scaled(case["factor"], case["cells"])
@@ -151,8 +150,7 @@ def measure_sample(case: dict[str, Any]) -> dict[str, Any]:
     from mpi4py import MPI
 
     from brake_fenicsx.macro.braking import reference_stiffness
-    from brake_fenicsx.macro.condensation import compliance
-    from brake_fenicsx.macro.equilibrium import equilibrium
+    from brake_fenicsx.macro.equilibrium import compliance, equilibrium
 
     sys.path.append(str(Path(__file__).parents[1] / "tests"))
     from sparse_equilibrium import sparse_equilibrium

@@ -13,11 +13,11 @@ from brake_fenicsx import compat
 from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import OfOneProcess, SceneError, lines
 from brake_fenicsx.extensions import sections
-from brake_fenicsx.macro.condensation import Compliance
 from brake_fenicsx.macro.contact_elements import Contact, Stuck, join, stick
+from brake_fenicsx.macro.contact_forces import Rotation
 from brake_fenicsx.macro.elasticity import Elastic, affine_parts, layer_masses
+from brake_fenicsx.macro.equilibrium import Compliance
 from brake_fenicsx.macro.material import Material
-from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.parts_section import Motion

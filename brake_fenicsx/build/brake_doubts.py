@@ -14,10 +14,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from brake_fenicsx.errors import SceneError, lines
+from brake_fenicsx.macro.contact_forces import Rotation
 from brake_fenicsx.macro.faces import Face, gather_face
 from brake_fenicsx.macro.free_motions import FreeMotions, free_motions
 from brake_fenicsx.macro.material import Material, engineering_constants
-from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.meshing.brake_mesh import extent
 from brake_fenicsx.meshing.rawmesh import EDGES, RawMesh, Stated, Unread
 from brake_fenicsx.scene import Scene

@@ -30,7 +30,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.arguments import Array
 from brake_fenicsx.macro.contact_elements import Contact
-from brake_fenicsx.macro.sliding_friction import Rotation, SlidingFriction
+from brake_fenicsx.macro.contact_forces import Rotation, SlidingFriction
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.samples_section import split_key
 from brake_fenicsx.scene.scalars import SPEED

@@ -11,8 +11,8 @@ import numpy as np
 from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.errors import SceneError, located
 from brake_fenicsx.macro.contact_elements import Contact, contact_elements, restricted
+from brake_fenicsx.macro.contact_forces import Motion, Rotation, Translation
 from brake_fenicsx.macro.elasticity import FreeDofs
-from brake_fenicsx.macro.sliding_friction import Motion, Rotation, Translation
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.contact_section import Zone

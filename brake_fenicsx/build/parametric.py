@@ -15,9 +15,9 @@ import scipy.sparse as sp
 
 from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.macro.contact_elements import Contact
+from brake_fenicsx.macro.contact_forces import SlidingFriction
 from brake_fenicsx.macro.elasticity import layer_masses
 from brake_fenicsx.macro.material import Material
-from brake_fenicsx.macro.sliding_friction import SlidingFriction
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import SPEED
 from brake_fenicsx.stability.derivatives import bilinear

@@ -1,8 +1,8 @@
 """Operators -> braking equilibrium."""
 
 from brake_fenicsx.macro.braking import equilibrium
+from brake_fenicsx.macro.contact_forces import EnrichedGap, draw_critical_gaps, draw_waviness
 from brake_fenicsx.macro.equilibrium import Equilibrium, displacement
-from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
 
 __all__ = [
     "EnrichedGap",

@@ -40,10 +40,10 @@ from brake_fenicsx.arguments import Array, Ints, Mask
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.brake_mesh import Mesh
 
+from .contact_forces import Motion, Rotation, slip_frame
 from .elasticity import FreeDofs
 from .faces import directions_across, gather_face
 from .integrals import Integrals, facet_integrals, node_integrals
-from .sliding_friction import Motion, Rotation, slip_frame
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,7 @@ from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first, release_memory
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.macro.condensation import Compliance, Solves, UnitLoads, compliance
-from brake_fenicsx.macro.equilibrium import Condensed
+from brake_fenicsx.macro.equilibrium import Compliance, Condensed, Solves, UnitLoads, compliance
 from brake_fenicsx.scene import Scene, Stability
 from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.stability.eigensolvers.symmetric import lowest_modes

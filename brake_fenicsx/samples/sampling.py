@@ -30,9 +30,14 @@ from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.extensions import FrictionLaw
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.contact_elements import Contact
-from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
+from brake_fenicsx.macro.contact_forces import (
+    Coefficient,
+    EnrichedGap,
+    SlidingFriction,
+    draw_critical_gaps,
+    draw_waviness,
+)
 from brake_fenicsx.macro.material import engineering_constants
-from brake_fenicsx.macro.sliding_friction import Coefficient, SlidingFriction
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.scene import ContactTable, LawTable, Scene
 from brake_fenicsx.scene.contact_section import LAWS

@@ -14,14 +14,15 @@ import scipy.sparse as sp
 from brake_fenicsx.arguments import Array, Complex, Index
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.folder.log import logger, spared
-from brake_fenicsx.macro.condensation import compliance, reference_factor
 from brake_fenicsx.macro.equilibrium import (
     BodyOperators,
     Equilibrium,
+    compliance,
     corrected_equilibrium,
     displacement,
     equilibrium,
     raised_friction,
+    reference_factor,
 )
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.scene import Scene

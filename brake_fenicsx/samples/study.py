@@ -20,8 +20,8 @@ from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.braking import reference_stiffness
+from brake_fenicsx.macro.contact_forces import EnrichedGap
 from brake_fenicsx.macro.equilibrium import Equilibrium
-from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.stability.modes import Modes

@@ -441,9 +441,9 @@ def test_gap_of_a_split_mesh_opens(tmp_path, meshes):
     from dolfinx import fem
 
     from brake_fenicsx.macro.contact_elements import contact_elements
+    from brake_fenicsx.macro.contact_forces import Translation
     from brake_fenicsx.macro.elasticity import assemble_elastic
     from brake_fenicsx.macro.material import Material, isotropic
-    from brake_fenicsx.macro.sliding_friction import Translation
 
     file = tmp_path / "glued.msh"
     meshes.write_gmsh(meshes.glued(meshes.boxes()), file)

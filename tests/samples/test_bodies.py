@@ -9,8 +9,12 @@ from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.changes import assemble_changes
 from brake_fenicsx.build.material_table import stiffness
 from brake_fenicsx.build.parametric import parametric_brake
-from brake_fenicsx.macro.condensation import compliance
-from brake_fenicsx.macro.equilibrium import BodyOperators, corrected_equilibrium, equilibrium
+from brake_fenicsx.macro.equilibrium import (
+    BodyOperators,
+    compliance,
+    corrected_equilibrium,
+    equilibrium,
+)
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.samples.sampling import Roughness, draw_inputs, draw_sample
 from brake_fenicsx.scene import read_scene

@@ -202,7 +202,7 @@ def imposed_gap(scene: Scene, contact: Any, state: Mapping[str, float]) -> np.nd
     from scipy.interpolate import RBFInterpolator
 
     from brake_fenicsx.build.interfaces import scene_motion
-    from brake_fenicsx.macro.sliding_friction import Rotation
+    from brake_fenicsx.macro.contact_forces import Rotation
 
     x, motion, out = contact.points, scene_motion(scene), np.zeros(contact.interface.size)
     flat = motion.local(x) if isinstance(motion, Rotation) else x

@@ -36,8 +36,13 @@ import scipy.linalg as la
 
 from brake_fenicsx.arguments import Array, Complex, Index, Mask
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.macro.gap import EnrichedGap
-from brake_fenicsx.macro.sliding_friction import Coefficient, SlidingFriction, patch_forces, sliding
+from brake_fenicsx.macro.contact_forces import (
+    Coefficient,
+    EnrichedGap,
+    SlidingFriction,
+    patch_forces,
+    sliding,
+)
 
 from .bodies import Bodies, Factors, Step, changes, newton_step, through
 

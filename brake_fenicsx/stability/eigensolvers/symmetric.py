@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.folder.processes import release_memory
-from brake_fenicsx.macro.condensation import Solves
+from brake_fenicsx.macro.equilibrium import Solves
 from brake_fenicsx.macro.solver import BlockProduct, Factor
 
 from .eigenpairs import combined, shares

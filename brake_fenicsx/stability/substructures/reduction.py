@@ -16,12 +16,11 @@ from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers.symmetric import complete, count_below, modes_not_counted
-from .component import interface_at, matrices
+from .component import Complement, SeenBody, interface_at, matrices
 from .contact_rows import SIGMA, Rows
 from .parameters import InterpolatedCoefficients, Parameters
 from .polynomials import Polynomial, imaginary_points, real_points
 from .sample_problem import ROUND_OFF
-from .seen_body import Complement, SeenBody
 from .substructure import Substructure
 
 # The poles of what the kept modes leave out lie beyond this multiple of the square of the band's
