@@ -1,19 +1,7 @@
-"""One substructure of the reduced model: kept modes, projected matrices, polynomials of the rest.
+"""One substructure of the reduced model: kept modes, what they see of the rest, polynomials of it.
 
-The kept modes W are those of the centre of the parameter box alone, below a cutoff. If
-K(p) >= r K(0), the theorem of Courant and Fischer places every pole of the complement S(w; p)
-beyond r cutoff^2, for every p: the coefficients D_n(p) of what is left out in powers of w fall
-geometrically and are smooth functions of p, and no mode below that limit can be missed anywhere in
-the box, by one inertia count at the centre. Where the shape of a body changes, its rigid motions
-do, and there is no such r: the lowest pole is computed at the corners of the box of the shapes
-(``reduction``). W'P(w; p)W is affine and exact; D_n(p) is interpolated, with a degree that falls
-with n. v stays orthogonal to W in the mass of the centre.
-
-The reduced bodies in the brake: each one itself, or a mirror image of another one.
-
-What the interface and the kept modes of a body see of the rest of it, at one frequency.
-
-With W the kept modes, I the rows that contact forces act along, F loads, and
+The kept modes W are those of the centre of the parameter box alone, below a cutoff. With I the rows
+that contact forces act along, F loads, and
 
     R = [I', M W, F],     G = R' P^-1 R,
 
@@ -28,6 +16,15 @@ exact for any P. What they lack of their first terms is [I; W'P] S [I', P W, F]:
 flexibility (MacNeal 1971, Rubin 1975), and the coupling of the kept modes by damping and changes.
 It is smooth up to the eigenvalues of the body that is held at W'M u = 0, beyond the cutoff. At the
 shift of the reduced model S itself serves as an operator (``Complement``).
+
+If K(p) >= r K(0), the theorem of Courant and Fischer places every pole of the complement S(w; p)
+beyond r cutoff^2, for every p: the coefficients D_n(p) of what is left out in powers of w fall
+geometrically and are smooth functions of p, and no mode below that limit can be missed anywhere in
+the box, by one inertia count at the centre. Where the shape of a body changes, its rigid motions
+do, and there is no such r: the lowest pole is computed at the corners of the box of the shapes
+(``reduction``). W'P(w; p)W is affine and exact; D_n(p) is interpolated, with a degree that falls
+with n. v stays orthogonal to W in the mass of the centre. In the brake each reduced body is itself,
+or a mirror image of another one.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,23 +1,22 @@
-"""The reduced problem of one sample: contact and friction that act in it, and errors of its zeros.
+"""The reduced problem of one sample: a block matrix, contact, friction, errors of zeros.
 
-To first order a change dD moves a zero by [eta; b]' dD [J y; a] / (b'T'a). Close to
-another zero that is not the size of the move: two zeros that merge move by its root (Kato,
-Perturbation Theory for Linear Operators, 1980, chapter II).
-
-The brake without contact as one block matrix over kept coordinates and contact rows.
-
-With the kept coordinates a of all bodies, the motions y that contact forces follow, and the forces
-f that they make,
+Without contact it is a block matrix over kept coordinates and contact rows. With the kept
+coordinates a of all bodies, the motions y that contact forces follow, and the forces f that they
+make,
 
     own(w) a + lead(w) f = 0,        own = W'P W - D_XX,      lead = W'I' - D_XI,
     y + D(w) f = source(w) a,        D = D_OI,                source = O W - D_OX,
 
 and with loads q the terms load(w) q and push(w) q on the right, load = W'F - D_XF, push = -D_OF;
-the letters those of ``seen_body``. Each is a polynomial in w, summed over the bodies here and
-nowhere else. Samples, lines of them, equilibrium and limit cycles are algebra on it.
-
-At equilibrium, lambda = 0, elastic coordinates are eliminated; those of a body that moves freely
+the letters those of ``component``. Each is a polynomial in w, summed over the bodies here and
+nowhere else. Samples, lines of them, equilibrium and limit cycles are algebra on it. At
+equilibrium, lambda = 0, elastic coordinates are eliminated; those of a body that moves freely
 without contact, or nearly so, have no inverse and are kept.
+
+To first order a change dD of a sample's matrix, which contact and friction complete, moves a zero
+by [eta; b]' dD [J y; a] / (b'T'a). Close to another zero that is not the size of the move: two
+zeros that merge move by its root (Kato, Perturbation Theory for Linear Operators, 1980,
+chapter II).
 """
 
 from collections.abc import Iterable, Sequence
