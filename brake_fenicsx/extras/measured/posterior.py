@@ -32,8 +32,8 @@ from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.stability.eigensolvers.symmetric import count_below
 
-from .measured import modes_of, read_sets
 from .part_modes import elastic_modes, part_body
+from .universal import modes_of, read_sets
 
 # Directions of the basis smaller than this share of the largest are left out.
 SMALL = 1e-6

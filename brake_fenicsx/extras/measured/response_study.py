@@ -26,9 +26,9 @@ from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.stability.substructures.substructure import ModalRatio
 
-from .measured import NODES, SYSTEMS, UNITS, nodes_of, read_sets
 from .part_modes import BEYOND, Damped, frac, part_body, real_modes, receptances, surface_rows
 from .study import check_distance, correlate, part_name
+from .universal import NODES, SYSTEMS, UNITS, nodes_of, read_sets
 
 MODES, FUNCTION, RESPONSE = 55, 58, 4  # datasets; type of a function
 # Specific data type of the ordinate -> times it is differentiated by time; that of a force.

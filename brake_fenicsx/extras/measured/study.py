@@ -23,8 +23,8 @@ from brake_fenicsx.report import style
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import Scene, read_scene
 
-from .measured import ModalTest, read_modes
 from .part_modes import PartModes, part_modes, shapes_at
+from .universal import ModalTest, read_modes
 
 Cells = Sequence[AnyArray]
 
