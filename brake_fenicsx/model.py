@@ -211,7 +211,7 @@ class Model:
         """
         from brake_fenicsx.sweeps.branches import follow
         from brake_fenicsx.sweeps.events import find_events
-        from brake_fenicsx.sweeps.state import Points
+        from brake_fenicsx.sweeps.matching import Points
 
         unit = _unit(self.scene, key)
         x = listed("values", values, unit)

@@ -16,7 +16,7 @@ from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import end_of_stage, peak_memory, release_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.libraries import versions
-from brake_fenicsx.results.accuracy import STAGES
+from brake_fenicsx.results.answer import STAGES
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.digest import in_effect
 

@@ -7,8 +7,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from brake_fenicsx.results.accuracy import STAGES, error_rows, speed_rows, stage_rows
-from brake_fenicsx.results.answer import for_reading, share_text
+from brake_fenicsx.results.answer import (
+    STAGES,
+    error_rows,
+    for_reading,
+    share_text,
+    speed_rows,
+    stage_rows,
+)
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.tables import Value

@@ -8,7 +8,7 @@ Undamped, the problem is K phi = kappa M phi with kappa = -lambda^2, in real ari
   number of a determinant on the contact interface count the modes of a region around the band;
 - anything else: SLEPc, and the record says that nothing was counted.
 
-Damped problems are those of ``full.damped``; large ones are counted by a reduced model: the whole
+Damped problems are those of ``full.general``; large ones are counted by a reduced model: the whole
 brake without friction, its contact springs included, is one substructure whose modes an inertia
 count proves complete; damping couples them with what they leave out, and friction, of low rank,
 enters as the forces of a contact. The zeros of its T(z) are the eigenvalues.
@@ -39,9 +39,8 @@ from .eigensolvers.eigenpairs import (
     times,
     undamped_errors,
 )
-from .full.damped import damped_modes
-from .full.dense import DENSE, small_modes
 from .full.friction_modes import friction_modes
+from .full.general import DENSE, damped_modes, general_modes, small_modes
 from .full.interface import Found, Interface, SplitProblem, difference_interface
 from .modes import Count, Modes, counted_rows, undamped_rows
 from .substructures.contact_rows import ContactLinearisation
@@ -127,8 +126,6 @@ def complex_modes(
     elif problem.friction is not None:
         found = friction_modes(problem, problem.friction, low, high, zeta_max, comm)
     if found is None:
-        from .full.krylov_schur import general_modes  # SLEPc, which the others do without
-
         found = general_modes(problem, high, zeta_max, 1e-2 * tolerance)
     return _record(problem, found, band, tolerance, zeta_max, start)
 

@@ -28,8 +28,7 @@ from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
 
 from .branches import Branch, Followed, Solve
-from .matching import conjugate_pair, squared_distance
-from .state import State, group_likeness
+from .matching import State, conjugate_pair, group_likeness, squared_distance
 
 MERGING, SPLITTING = "merging", "splitting"
 ONSET, END = "onset of squeal", "end of squeal"

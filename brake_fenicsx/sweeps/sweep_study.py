@@ -27,7 +27,7 @@ from brake_fenicsx.scene.units import several
 
 from .branches import CUT, Followed, follow
 from .events import Event, find_events
-from .state import Points
+from .matching import Points
 
 # Accuracy of an event relative to the range.
 FINE = 1e-4

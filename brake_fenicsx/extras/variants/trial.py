@@ -30,7 +30,7 @@ from brake_fenicsx.results.squeal import Family, squeals
 from brake_fenicsx.samples.numbering import dof_places
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene.units import quantity_text
-from brake_fenicsx.sweeps.state import Points, State, likeness
+from brake_fenicsx.sweeps.matching import Points, State, likeness
 
 from .comparison import shapes_of
 from .countermeasure_keys import Countermeasure
