@@ -1,7 +1,5 @@
 """The command line: a command, how it ended, and the status that says so."""
 
-from __future__ import annotations
-
 import os
 import sys
 
@@ -16,9 +14,10 @@ try:
     if "numpy" not in sys.modules and (_kernels := best_kernels()) is not None:
         os.environ.setdefault("OPENBLAS_CORETYPE", _kernels)
 
+    import argparse
     import traceback
     from collections.abc import Sequence
-    from typing import TYPE_CHECKING, Any
+    from typing import Any
 
     from brake_fenicsx.commands import parser
     from brake_fenicsx.errors import BrakeError, SceneError, StorageError
@@ -27,9 +26,6 @@ except KeyboardInterrupt:
     # Ctrl-C in the first moments; no other module is sure to be there.
     os.write(2, f"{INTERRUPTED}\n".encode())
     raise SystemExit(130) from None
-
-if TYPE_CHECKING:
-    import argparse
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,7 +1,5 @@
 """A scene prepared once, and its modes at any values of its scalars: for scripts and notebooks."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
@@ -9,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mpi4py import MPI
 
@@ -25,20 +23,18 @@ from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.store import Store, check_folder
+from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.pipeline import before_samples, make_study
+from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.keys import KeyMistake
 from brake_fenicsx.scene.read import from_text, scene_text, toml_text, with_objects
 from brake_fenicsx.scene.samples_section import Range, Sweep, unit_of
 from brake_fenicsx.scene.scalars import check_scalar, meant, si_unit
+from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stages import Run
 from brake_fenicsx.sweeps.sweep_study import Branches
-
-if TYPE_CHECKING:
-    from brake_fenicsx.macro.equilibrium import Equilibrium
-    from brake_fenicsx.samples.study import Study
-    from brake_fenicsx.stability.modes import Modes
 
 Array = NDArray[np.float64]
 

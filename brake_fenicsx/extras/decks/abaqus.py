@@ -1,7 +1,5 @@
 """Meshes of Abaqus and CalculiX: nodes, solid elements, sets and surfaces of an .inp file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy

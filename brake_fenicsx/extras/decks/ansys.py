@@ -5,8 +5,6 @@ Mapdl-archive 0.4.2 agrees in nodes, elements and components, in a 25th of the s
 200,000 nodes), and takes a file that is cut off, or a number with a letter in it, without an error.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ Nodes of a set that is tied to a face of the mesh follow the displacement of tha
 places, exactly: they are eliminated, u_body = T u, and the body adds T' K T, T' M T and T' C T.
 """
 
-from __future__ import annotations
-
 import logging
 from dataclasses import replace
 

@@ -5,8 +5,6 @@ FORMAT=COORDINATE, CalculiX SOLVER=MATRIXSTORAGE) or of five (node, component, n
 entry: Abaqus FORMAT=MATRIX INPUT and LABELS); Nastran DMIG, by pyNastran; SciPy's npz.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ It gives a point without a coordinate system the basic one although a GRDSET nam
 (1.4.1); here the blank field decides.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import redirect_stderr, redirect_stdout

@@ -3,8 +3,6 @@
 The axes of *TRANSFORM of Abaqus and CalculiX, and of nodes of Ansys that are turned by angles.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 

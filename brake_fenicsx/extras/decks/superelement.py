@@ -5,8 +5,6 @@ coordinates of a Craig-Bampton reduction). Nodes belong to named sets, which sup
 masses and ties name as they name faces.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -12,8 +12,6 @@ bootstrap (B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap, 1993, c
 the threshold by the likelihood ratio (S. S. Wilks, Annals of Mathematical Statistics 9, 1938, 60).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any

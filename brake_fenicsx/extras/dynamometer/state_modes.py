@@ -1,7 +1,5 @@
 """Modes of a sample in every state: the same roughness and scatter, other numbers of the brake."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace

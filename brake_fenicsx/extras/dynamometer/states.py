@@ -1,7 +1,5 @@
 """States of a dynamometer test: [states] of a scene, and what each state changes in the brake."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress

@@ -9,47 +9,37 @@ the Grid Convergence Index follow (P. J. Roache, J. Fluids Eng. 116 (1994) 405,
 doi:10.1115/1.2910291; ASME V&V 20-2009, section 2).
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-import numpy as np
-
-from brake_fenicsx.arguments import Array
-from brake_fenicsx.results.ensemble_statistics import wilson
-from brake_fenicsx.results.run import RunData
-from brake_fenicsx.results.squeal import least_damped
-from brake_fenicsx.results.tables import Value
-
-from .comparison import compare_runs
-from .page import Row
-
-if TYPE_CHECKING:
-    import pandas as pd
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from mpi4py import MPI
 
+import numpy as np
+import pandas as pd
+
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.checks import check, with_patch, with_pixels
 from brake_fenicsx.description import calibrated_seconds, work_of_a_second
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
-from brake_fenicsx.results.run import read_run
-from brake_fenicsx.results.tables import write_rows
+from brake_fenicsx.results.ensemble_statistics import wilson
+from brake_fenicsx.results.run import RunData, read_run
+from brake_fenicsx.results.squeal import least_damped
+from brake_fenicsx.results.tables import Value, write_rows
 from brake_fenicsx.samples.sampling import sample_count
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import laws_key
 
 from .budget_page import sentence, write_budget_page
+from .comparison import compare_runs
 from .knobs import RESOLUTION, Knob, Variant, knobs
+from .page import Row
 from .runs import Runs, or_note
 
 REFERENCE = "reference"

@@ -1,7 +1,5 @@
 """The page of an error budget: sentences, one picture, the scene's own numbers and the changes."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path

@@ -5,8 +5,6 @@ numbers, and of independent ones elsewhere. Approaches of a single sample have n
 of them is left to chance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -5,22 +5,18 @@ Each is a scalar that samples of one brake may take other values of, as random a
 that number's place, so that units, signs and all rules are those of the scene.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.keys import KeyMistake, dotted, key_parts
 from brake_fenicsx.scene.keys import key as scene_key
 from brake_fenicsx.scene.samples_section import NO_ROUGH_SAMPLES, is_constant, split_key
 from brake_fenicsx.scene.scalars import check_scalar, si_unit, written_value
-
-if TYPE_CHECKING:
-    from brake_fenicsx.scene.scene import Scene
+from brake_fenicsx.scene.scene import Scene
 
 RAYLEIGH = ["stability", "damping", "rayleigh"]
 

@@ -4,8 +4,6 @@ The worst family of the rough samples is the one that squeals in most of them. A
 where it squeals in so few that, with 95 % confidence, it does in at most 5 % of all.
 """
 
-from __future__ import annotations
-
 import gc
 import json
 from collections.abc import Mapping, Sequence

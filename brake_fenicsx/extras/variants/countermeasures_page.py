@@ -1,7 +1,5 @@
 """Table and page of countermeasures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -4,8 +4,6 @@ A resolution has two refinements of one ratio, so that an order of convergence c
 choice has other readings of the same physics. A knob that a scene does not use says why.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Runs of a scene with some keys replaced, each in a folder of its own below one."""
 
-from __future__ import annotations
-
 import gc
 import json
 import resource

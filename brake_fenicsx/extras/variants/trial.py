@@ -6,8 +6,6 @@ families are taken to the brake at hand by the nearest nodes, so that its mesh m
 The smallest change of a number after which hardly any sample squeals, by search.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """What a mesh file holds beside its mesh: what no reader takes, and what a scene should have."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path

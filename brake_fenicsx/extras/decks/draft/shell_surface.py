@@ -1,7 +1,5 @@
 """Shells of a deck as one surface: its normals, and what no layer of solids can be made of."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -6,8 +6,6 @@ squares where there are more than three), so that curved and folded layers keep 
 Nodes at z = 0 are those of the file: what shares them with a shell shares them with its layer.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

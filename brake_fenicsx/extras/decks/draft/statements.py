@@ -3,8 +3,6 @@
 Its numbers are in consistent units, which are guessed where nobody names them.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections import defaultdict

@@ -3,8 +3,6 @@
 Comments say what was guessed or proposed, and name every keyword that was not taken over.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections import Counter, defaultdict
