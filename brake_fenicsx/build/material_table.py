@@ -10,12 +10,11 @@ nu_ij is the strain along j over that along i under a stress along i.
                                                    or C11, C22, C33, C12, C13, C23, C44, C55, C66
     cubic                   E, nu, G               or C11, C12, C44
 
-Materials of one sample: some constants of a scene's table replaced, all others kept.
-
-Engineering constants of any material that is not isotropic are the nine E_1, E_2, E_3, nu_12,
-nu_31, nu_32, G_12, G_13, G_23 (nu_ij: strain along j over that along i under a stress along i), so
-that E_3 changes at fixed E_1, nu_12, nu_31. A transversely isotropic material becomes orthotropic
-where they ask for it; a stiffness C11, ... keeps the model of the table.
+In a sample some constants of a table are replaced, all others kept. Engineering constants of any
+material that is not isotropic are the nine E_1, E_2, E_3, nu_12, nu_31, nu_32, G_12, G_13, G_23
+(nu_ij: strain along j over that along i under a stress along i), so that E_3 changes at fixed E_1,
+nu_12, nu_31. A transversely isotropic material becomes orthotropic where they ask for it; a
+stiffness C11, ... keeps the model of the table.
 """
 
 from collections.abc import Iterable, Mapping

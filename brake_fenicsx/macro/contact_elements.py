@@ -11,18 +11,16 @@ share of the area around the node. It does not pass a uniform pressure exactly.
 
 n points from disc to pad, a positive gap is open, and slip is pad minus disc.
 
-Interfaces whose faces stick: tangential springs before slip, and how far that holds.
-
-The law of the contact acts along the normal, as everywhere. Along the faces every contact element
-of area w has the traction k_t times its slip, that of the first face less that of the second,
+Faces of an interface may stick. The law of the contact then acts along the normal, as everywhere,
+and tangential springs before slip along the faces: every contact element of area w has the traction
+k_t times its slip, that of the first face less that of the second,
 
     K <- K + sum w k_t (T'T + R'R),
 
 in the equilibrium and in the modes, whether the element is open or not and however large its slip:
 the state at equilibrium says where that is wrong, |k_t slip| > mu p (Coulomb) or p = 0.
 
-Forces of the braking equilibrium on each pad: normal force, friction, torque, where they act.
-
+Forces on each pad are the normal force, friction and torque of the equilibrium, and where they act.
 The disc's material enters beneath the pad at the leading edge and leaves at the trailing one: the
 sliding direction s, the disc's velocity relative to the pad, points from the first to the second.
 """

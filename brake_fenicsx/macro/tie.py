@@ -1,8 +1,9 @@
-"""Two faces glued together, whose meshes need not match: a consistent stiff layer.
+"""Faces that act on one another as wholes: glued by a stiff layer, or by their mean motions.
 
-The layer has the virtual work kappa times the integral of jump(u) . jump(v) over the common part of
-the faces, with all three components of the jump at the quadrature points of the clipped facets
-(``overlap``). It passes a uniform traction sigma exactly, with the jump sigma / kappa.
+Of faces glued together, whose meshes need not match, the layer has the virtual work kappa times the
+integral of jump(u) . jump(v) over the common part of the faces, with all three components of the
+jump at the quadrature points of the clipped facets (``overlap``). It passes a uniform traction
+sigma exactly, with the jump sigma / kappa.
 
 A point x of the first face and its partner y on the second may lie a small distance apart. The jump
 is that of u_1(x) and of u_2(y) carried to x by the rotation of the second face,
@@ -13,10 +14,9 @@ n the normal of the second face at y and grad the gradient in its surface, so th
 of both bodies strains the layer, curved faces or faces with a gap included. (For a rigid motion the
 sum is 2 omega less its part in the surface.)
 
-Mean displacement and mean rotation of a face: what springs between faces and inertia act on.
-
-The mean displacement is that over the area. The mean rotation theta about the centroid is that of
-the rigid motion nearest to the displacement u over the area,
+Springs between faces and inertia act on mean motions. The mean displacement is that over the area.
+The mean rotation theta about the centroid is that of the rigid motion nearest to the displacement u
+over the area,
 
     S theta = integral of r x u,     S = integral of (r.r 1 - r r'),
 

@@ -1,4 +1,4 @@
-"""From a rough surface to its law of pressure over separation.
+"""From a rough surface to its law of pressure over separation: how it is pressed, and read.
 
 At the pressures of braking few points touch, and each of them is a summit that only a fine grid
 resolves; at high pressures many touch, and the long waves decide. So a fine surface is pressed on
@@ -7,9 +7,8 @@ grid, and so on. Each coarser law is moved along the separation so that the pres
 and its stiffness of vibrations, which lacks the shorter waves, is multiplied by the ratio of both
 grids at the join.
 
-Stiffness of small vibrations as a smooth function of the separation.
-
-While few pixels touch, a law is a staircase: every pixel that comes into contact is a corner of
+The stiffness of small vibrations is a smooth function of the separation. While few pixels touch, a
+law is a staircase: every pixel that comes into contact is a corner of
 p(d), and its slope jumps there. The corners belong to the pixels: the summits of a facet of a brake
 are rounded and come into contact gradually. The modes therefore read the slope of the local
 regression line over a third of a decade of pressure, not the slope between two corners. Under a
@@ -18,8 +17,6 @@ derivative needs the line.
 
 Reference: W. S. Cleveland, J. Am. Stat. Assoc. 74 (1979) 829, doi:10.1080/01621459.1979.10481038
 (local regression).
-
-How a rough surface is pressed to get its law, and the composite modulus of the lining.
 """
 
 import logging

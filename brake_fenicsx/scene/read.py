@@ -1,9 +1,8 @@
 """A scene: one TOML file to checked, frozen settings in SI units, and classes of a user's own.
 
-Other values in the text of a scene: they are replaced, all else stays as it is.
-
-Each is found by trying: of the places where a key of this name is written, the right one is that
-which changes this key of the scene, and no other, when the text is read again.
+Values are also replaced in the text of a scene, where all else stays as it is. Each is found by
+trying: of the places where a key of this name is written, the right one is that which changes this
+key of the scene, and no other, when the text is read again.
 """
 
 import copy

@@ -1,12 +1,10 @@
-"""The scene: its sections in SI units, each in the module that is about it.
+"""The scene: its sections in SI units, each in the module that is about it; what acts in samples.
 
 Every key is a field of a dataclass, or of a builder in ``geometry``: its default, and as metadata
 unit, sign, choices, rule and usual values (``keys.key``); its meaning stands in the docstring. What
 the keys of a table contradict in one another stands below them (``contradictions``), and what
 sections contradict in ``rules``. What a scene does not name is None, and is neither built,
-assembled nor imported.
-
-What acts in the samples of each approach: friction, damping, and the method of the modes.
+assembled nor imported. Friction, damping and the method of the modes are those of each approach.
 """
 
 import os

@@ -14,11 +14,10 @@ Krack, Comput. Struct. 154, 2015, doi:10.1016/j.compstruc.2015.03.008).
 Newton's method solves for a_n, y_n, alpha and omega under a condition on growth and amplitude; see
 ``bodies`` for its linear systems.
 
-Contact forces of patches over a period of vibration, exact in opening, yielding and reversal.
-
-A patch carries w (p(g) - p_e) along the gap, p_e its pressure at equilibrium. Where a hardness
-limits the pressure, unloading and reloading are elastic: from the smallest gap g_m that the patch
-has had, at equilibrium or in the vibration, it goes back along
+The forces of patches over a period are exact in opening, yielding and reversal. A patch carries w
+(p(g) - p_e) along the gap, p_e its pressure at equilibrium. Where a hardness limits the pressure,
+unloading and reloading are elastic: from the smallest gap g_m that the patch has had, at
+equilibrium or in the vibration, it goes back along
 
     p = p_m (1 - s)^n,    s = (g - g_m) v_m / (n p_m),    open for s >= 1,
 

@@ -1,12 +1,10 @@
-"""Real modes of one body of a scene, and their shapes at points of its surface.
+"""Real modes of one body of a scene, their shapes at points of its surface, and receptances there.
 
-Receptances of a body: a few vectors for all frequencies, and the error against full order.
-
-(K - omega^2 M + i omega C) u = f is projected on all real modes up to a frequency beyond the band,
-rigid-body motions included, and on the static answers to the forces and at the points seen
-(residual vectors: MacNeal, Comput. Struct. 1 (1971) 581). The equation is then solved as it stands
-where its residual is largest. That tells the error; where it is too large, the solution joins the
-vectors.
+For receptances, (K - omega^2 M + i omega C) u = f is projected on a few vectors for all
+frequencies: all real modes up to one beyond the band, rigid-body motions included, and the static
+answers to the forces and at the points seen (residual vectors: MacNeal, Comput. Struct. 1 (1971)
+581). The equation is then solved as it stands where its residual is largest. That tells the error;
+where it is too large, the solution joins the vectors.
 """
 
 import brake_fenicsx.petsc_started  # noqa: F401

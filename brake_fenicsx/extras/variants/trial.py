@@ -1,9 +1,8 @@
-"""The worst family of squeal modes of a run, and the same family in changed samples.
+"""The worst family of squeal modes of a run, and the smallest change of a number that quiets it.
 
 Modes of changed samples get their family by shape, as those of a sweep do. The shapes of the run's
 families are taken to the brake at hand by the nearest nodes, so that its mesh may be another one.
-
-The smallest change of a number after which hardly any sample squeals, by search.
+The smallest change after which hardly any sample squeals is found by search.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
