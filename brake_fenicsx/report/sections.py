@@ -7,14 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from brake_fenicsx.results.answer import (
-    STAGES,
-    error_rows,
-    for_reading,
-    share_text,
-    speed_rows,
-    stage_rows,
-)
+from brake_fenicsx.results import answer
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.tables import Value
@@ -70,8 +63,8 @@ def input_blocks(run: RunData) -> list[Block]:
     """Which inputs move the growth rate, and the probabilities of the most severe families."""
     rows: list[list[Value]] = [
         [
-            run.label(approach), where, share_text(row["probability"], row["low"], row["high"]),
-            _number(row["median_damping"]), row["above_limit"], row["dominant_input"] or None,
+            run.label(approach), where,
+            answer.share_text(row["probability"], row["low"], row["high"]), _number(row["median_damping"]), row["above_limit"], row["dominant_input"] or None,
             interval_text(*(row[f"correlation{end}"] for end in ("", "_low", "_high"))),
             *(percent(value) for name, value in row.items() if name.startswith("share_")),
         ]
@@ -180,17 +173,17 @@ def _accuracy(run: RunData) -> list[Block]:
     meshes = sorted((run.directory / "figures").glob("mesh*.png"))
     blocks: list[Block] = [Picture(path, heading_of(path), "half") for path in meshes]
     blocks += figures(run, "eigenvalue_errors", "convergence", look="half")
-    if stages := stage_rows(run.summary):
+    if stages := answer.stage_rows(run.summary):
         rows: list[list[Value]] = [
-            [STAGES.get(r.stage, r.stage), r.seconds, r.peak_memory_mb] for r in stages
+            [answer.STAGES.get(r.stage, r.stage), r.seconds, r.peak_memory_mb] for r in stages
         ]
         rows.append(["sum", sum(r.seconds for r in stages if r.seconds is not None), None])
         blocks.append(Table(["stage", "time [s]", "peak memory [MB]"], rows))
         blocks.append(note("stages"))
-    if speed := speed_rows(run):
-        blocks.append(Table(*for_reading(run, speed, **SPEED_HEADS)))
-    if errors := error_rows(run):
-        blocks.append(Table(*for_reading(run, errors)))
+    if speed := answer.speed_rows(run):
+        blocks.append(Table(*answer.for_reading(run, speed, **SPEED_HEADS)))
+    if errors := answer.error_rows(run):
+        blocks.append(Table(*answer.for_reading(run, errors)))
         blocks.append(note("errors"))
     rest = {key: value for key, value in run.summary.items() if key not in SHOWN}
     return [*blocks, *pairs(rest)]

@@ -29,14 +29,8 @@ from brake_fenicsx.build.values import Values, quantile
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.extensions import FrictionLaw
 from brake_fenicsx.folder.log import logger
+from brake_fenicsx.macro import contact_forces
 from brake_fenicsx.macro.contact_elements import Contact
-from brake_fenicsx.macro.contact_forces import (
-    Coefficient,
-    EnrichedGap,
-    SlidingFriction,
-    draw_critical_gaps,
-    draw_waviness,
-)
 from brake_fenicsx.macro.material import engineering_constants
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.scene import ContactTable, LawTable, Scene
@@ -97,8 +91,8 @@ class SampleInput:
     approach: str
     seed: int
     brake: BrakeAt
-    laws: EnrichedGap
-    friction: SlidingFriction
+    laws: contact_forces.EnrichedGap
+    friction: contact_forces.SlidingFriction
     rejected: int = 0
 
     @property
@@ -152,7 +146,7 @@ def draw_sample(
     brake = at(drawn)
     if approach in PERFECT:
         none = np.zeros(brake.contact.interface.size)
-        laws = EnrichedGap(_penalty(drawn), none.astype(np.intp), none)
+        laws = contact_forces.EnrichedGap(_penalty(drawn), none.astype(np.intp), none)
     else:
         # Each kind of draw has its own child, so that naming one does not change the others.
         streams = _streams(sample_seed(scene.samples.seed, shared))
@@ -195,7 +189,9 @@ def _penalty(values: Values) -> Laws:
     return micro.OneLaw(micro.linear_law(values.get(PENALTY, usual)))
 
 
-def friction_of_contact(contact: Contact, approach: str, values: Values) -> SlidingFriction:
+def friction_of_contact(
+    contact: Contact, approach: str, values: Values
+) -> contact_forces.SlidingFriction:
     """Friction of contact elements at their sliding speeds.
 
     Args:
@@ -207,10 +203,10 @@ def friction_of_contact(contact: Contact, approach: str, values: Values) -> Slid
     tables = values.scene.contact.values()
     braking = np.array([t.friction_in_equilibrium for t in tables], dtype=bool)
     given = friction_law(contact, approach, values)(speed)
-    return SlidingFriction(*given, speed, braking[contact.interface])
+    return contact_forces.SlidingFriction(*given, speed, braking[contact.interface])
 
 
-def friction_law(contact: Contact, approach: str, values: Values) -> Coefficient:
+def friction_law(contact: Contact, approach: str, values: Values) -> contact_forces.Coefficient:
     """Friction of contact elements by their slip speeds; arguments as above."""
     scene, interface = values.scene, contact.interface
 
@@ -230,7 +226,7 @@ def _rough(
     whole: Roughness,
     zones: Mapping[str, Roughness],
     streams: tuple[np.random.Generator, np.random.Generator],
-) -> EnrichedGap:
+) -> contact_forces.EnrichedGap:
     """Law and critical gap of each element, the laws for the sample's modulus."""
     contact, values, scene = brake.reference.contact, brake.values, brake.values.scene
     law_rng, gap_rng = streams
@@ -247,15 +243,15 @@ def _rough(
         if table.gap == "none":
             continue
         if table.gap == "hdf" and rough.hdf is not None:
-            g_cr[own] = draw_critical_gaps(rough.hdf, int(own.sum()), gap_rng)
+            g_cr[own] = contact_forces.draw_critical_gaps(rough.hdf, int(own.sum()), gap_rng)
         elif table.gap == "waviness" and rough.waviness is not None:
             places = contact.points[own], contact.normal[own]
-            g_cr[own] = draw_waviness(rough.waviness, *places, gap_rng)
+            g_cr[own] = contact_forces.draw_waviness(rough.waviness, *places, gap_rng)
         else:
             raise SceneError(
                 f'contact.{name}.gap = "{table.gap}": there are no heights; name the stage surface'
             )
-    return EnrichedGap(micro.join_laws(parts), index, g_cr)
+    return contact_forces.EnrichedGap(micro.join_laws(parts), index, g_cr)
 
 
 def _laws(

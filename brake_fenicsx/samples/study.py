@@ -27,21 +27,11 @@ from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures.parameter_line import Basis
 
+from . import sampling
 from .drivers import driver_arrays
 from .ensemble import run_ensemble
 from .forces import forces_of_sample, mean_friction, moved
 from .models import Models
-from .sampling import (
-    PERFECT,
-    Roughness,
-    SampleInput,
-    at_values,
-    draw_sample,
-    note_laws,
-    points_of,
-    sample_count,
-    sample_seed,
-)
 from .solve import Equilibria, More, displacements, full_modes, modes_of_sample, reduced_modes
 
 T = TypeVar("T")
@@ -59,11 +49,11 @@ class Study(OfOneProcess):
         self,
         scene: Scene,
         brake: Brake,
-        rough: Roughness,
+        rough: sampling.Roughness,
         store: Store,
         comm: MPI.Comm,
         cache: SharedCache | None = None,
-        zones: Mapping[str, Roughness] | None = None,
+        zones: Mapping[str, sampling.Roughness] | None = None,
     ):
         """Collect what the samples need.
 
@@ -76,22 +66,24 @@ class Study(OfOneProcess):
             cache: what the folder shares with others; nothing if None.
             zones: interfaces that have a surface of their own.
         """
-        self.rough: Roughness = rough
-        self.zones: Mapping[str, Roughness] = zones or {}
+        self.rough: sampling.Roughness = rough
+        self.zones: Mapping[str, sampling.Roughness] = zones or {}
         self.scene: Scene = scene
         self.brake: Brake = brake
         self.store: Store = store
         self.comm: MPI.Comm = comm
         self.facts: dict[str, Any] = {}
         approaches = scene.samples.approaches
-        count = {name: sample_count(scene, name) for name in approaches}
-        self.points: dict[str, Array | None] = {name: points_of(scene, name) for name in approaches}
+        count = {name: sampling.sample_count(scene, name) for name in approaches}
+        self.points: dict[str, Array | None] = {
+            name: sampling.points_of(scene, name) for name in approaches
+        }
         self.tasks: list[Task] = [(name, k) for name in approaches for k in range(count[name])]
         self.models: Models = Models(scene, count, store, comm, cache or SharedCache(store))
         self.equilibria = Equilibria.of_scene(scene, self.models)
         self._displaced: dict[Task, Array] = {}
         self._first: dict[str, Array | None] = {}
-        self._drawn: dict[Task, SampleInput] = {}  # the last one
+        self._drawn: dict[Task, sampling.SampleInput] = {}  # the last one
         # Vectors of the families, once the tables are written; on one process.
         self.families: Complex | None = None
         self.squealing: list[int] = []
@@ -106,7 +98,7 @@ class Study(OfOneProcess):
     def prepare(self) -> None:
         """Factor the reference, and make or load the reduced models."""
         brake, models = self.brake, self.models
-        note_laws(self.scene)
+        sampling.note_laws(self.scene)
         models.brake = parametric_brake(self.scene, brake)
         pressure = brake.pressed / float(brake.w.sum())
         # Any value serves; a round one is that of similar scenes too.
@@ -120,7 +112,7 @@ class Study(OfOneProcess):
     def _reference_laws(self) -> EnrichedGap:
         """Laws of the first sample that can be drawn, of rough contact if there is any."""
         names = self.scene.samples.approaches
-        name = next((n for n in names if n not in PERFECT), names[0])
+        name = next((n for n in names if n not in sampling.PERFECT), names[0])
         for k in range(sum(task[0] == name for task in self.tasks)):
             try:
                 return self.sample((name, k)).laws
@@ -177,7 +169,9 @@ class Study(OfOneProcess):
                 known of its inputs is in ``known``.
         """
         approach, k = task
-        known: dict[str, Any] = {"seed": np.uint64(sample_seed(self.scene.samples.seed, k))}
+        known: dict[str, Any] = {
+            "seed": np.uint64(sampling.sample_seed(self.scene.samples.seed, k))
+        }
         try:
             sample = self.sample((self.verified if approach == VERIFY else approach, k))
             names = sorted(sample.values)
@@ -210,7 +204,7 @@ class Study(OfOneProcess):
             return InaccurateResult(f"verification at full order: {error}")
         return None
 
-    def _solved(self, task: Task, sample: SampleInput, comm: MPI.Comm) -> dict[str, Any]:
+    def _solved(self, task: Task, sample: sampling.SampleInput, comm: MPI.Comm) -> dict[str, Any]:
         """Equilibrium and modes of a sample by its inputs; arguments as above."""
         k, models, own = task[1], self.models, task[0] != VERIFY
         reduced = own and models.reduction.takes(sample)
@@ -291,7 +285,7 @@ class Study(OfOneProcess):
         return eq, replace(modes, right=right, left=left, on_mesh=on_mesh)
 
     def _on_mesh(
-        self, sample: SampleInput, known: Mapping[str, Any], mode: int
+        self, sample: sampling.SampleInput, known: Mapping[str, Any], mode: int
     ) -> tuple[Any, Complex]:
         """Space of the displacements and those of a mode of a sample; see ``Modes.on_mesh``."""
         ((u, _),) = displacements(self.models, [(sample, known, np.array([mode]))], MPI.COMM_SELF)
@@ -313,7 +307,7 @@ class Study(OfOneProcess):
             self._displaced = dict(zip(stored, found, strict=True))
         return self._displaced
 
-    def sample(self, task: Task, values: Mapping[str, float] | None = None) -> SampleInput:
+    def sample(self, task: Task, values: Mapping[str, float] | None = None) -> sampling.SampleInput:
         """A sample with its brake, laws and friction, before its equilibrium.
 
         Args:
@@ -328,12 +322,12 @@ class Study(OfOneProcess):
             (approach, k), points = task, self.points[task[0]]
             point = None if points is None else points[k]
             given = self.scene, approach, k, self.models.brake.at, self.rough, point
-            drawn = draw_sample(*given, self.zones)
+            drawn = sampling.draw_sample(*given, self.zones)
             self._drawn = {task: drawn}
         drawn = self._drawn[task]
-        return at_values(drawn, values) if values else drawn
+        return sampling.at_values(drawn, values) if values else drawn
 
-    def balance(self, sample: SampleInput, reduced: bool = False) -> Equilibrium:
+    def balance(self, sample: sampling.SampleInput, reduced: bool = False) -> Equilibrium:
         """Braking equilibrium of a sample; see ``Equilibria.of``."""
         return self.equilibria.of(sample, reduced)[1]
 

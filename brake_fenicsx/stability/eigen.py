@@ -29,16 +29,8 @@ from brake_fenicsx.arguments import Array, Complex, frequency_band
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.macro.solver import whole, with_interface
 
-from .eigensolvers import symmetric
+from .eigensolvers import eigenpairs, symmetric
 from .eigensolvers.argument_principle import damped_region
-from .eigensolvers.eigenpairs import (
-    ROUND_OFF,
-    QuadraticPencil,
-    paired,
-    residuals,
-    times,
-    undamped_errors,
-)
 from .full.friction_modes import friction_modes
 from .full.general import DENSE, damped_modes, general_modes, small_modes
 from .full.interface import Found, Interface, SplitProblem, difference_interface
@@ -183,14 +175,14 @@ def _record(
     Raises:
         NotConverged: a mode misses the tolerance by more than round-off explains.
     """
-    MX = times(p.M, f.right)
-    R = times(p.K, f.right) - f.kappa * MX
-    left = paired(f.kappa, f.left, MX)
-    condition, error = undamped_errors(p.M, f.kappa, f.right, left, R, MX)
-    pencil = QuadraticPencil(p.M, None, p.K)
-    residual, backward = residuals(pencil, np.sqrt(-f.kappa), f.right, R, MX)
+    MX = eigenpairs.times(p.M, f.right)
+    R = eigenpairs.times(p.K, f.right) - f.kappa * MX
+    left = eigenpairs.paired(f.kappa, f.left, MX)
+    condition, error = eigenpairs.undamped_errors(p.M, f.kappa, f.right, left, R, MX)
+    pencil = eigenpairs.QuadraticPencil(p.M, None, p.K)
+    residual, backward = eigenpairs.residuals(pencil, np.sqrt(-f.kappa), f.right, R, MX)
     order, lam, spread, real = undamped_rows(f.kappa, error, band)
-    missed = (residual > tolerance) & (backward > ROUND_OFF)
+    missed = (residual > tolerance) & (backward > eigenpairs.ROUND_OFF)
     if np.any(missed[order]):
         raise NotConverged(f"""full order: relative residual {residual[order].max():.1e}, wanted
             {tolerance:.0e}""")

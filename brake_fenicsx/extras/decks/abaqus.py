@@ -12,14 +12,7 @@ import numpy as np
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
-from brake_fenicsx.meshing.filemesh import (
-    DeckKeyword,
-    FileMesh,
-    corners_of,
-    held_nodes,
-    numbered,
-    same_length,
-)
+from brake_fenicsx.meshing import filemesh
 
 from .abaqus_scope import KINDS, Rows, Scope, find, placement
 from .abaqus_steps import in_force
@@ -61,8 +54,8 @@ class _AbaqusDeck:
     open: Scope | None = None
     place: Rows = field(default_factory=list)
     surfaces: dict[str, Rows] = field(default_factory=dict)
-    blocks: list[DeckKeyword] = field(default_factory=list)
-    lost: list[tuple[DeckKeyword, str]] = field(default_factory=list)
+    blocks: list[filemesh.DeckKeyword] = field(default_factory=list)
+    lost: list[tuple[filemesh.DeckKeyword, str]] = field(default_factory=list)
     instances: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -77,7 +70,7 @@ class _AbaqusDeck:
         self.surfaces = {}
 
 
-def read_abaqus(path: Path) -> FileMesh:
+def read_abaqus(path: Path) -> filemesh.FileMesh:
     """Read an .inp file: parts, instances, nodes, elements, sets, surfaces and included files.
 
     Args:
@@ -163,17 +156,17 @@ def _whole_keywords(text: str) -> list[tuple[int, str]]:
     return lines
 
 
-def _block(line: str, at: str) -> DeckKeyword:
+def _block(line: str, at: str) -> filemesh.DeckKeyword:
     """A keyword and its options."""
     first, *words = line[1:].rstrip(" ,").split(",")
     pairs = (word.partition("=") for word in words)
     options = {"".join(n.split()).upper(): value.strip().strip('"') for n, _, value in pairs}
-    return DeckKeyword(keyword_of(first), options, [], line.strip(), at)
+    return filemesh.DeckKeyword(keyword_of(first), options, [], line.strip(), at)
 
 
-def _blocks(path: Path) -> Iterator[DeckKeyword]:
+def _blocks(path: Path) -> Iterator[filemesh.DeckKeyword]:
     """Every keyword with its data lines."""
-    block: DeckKeyword | None = None
+    block: filemesh.DeckKeyword | None = None
     for at, line in _lines(path):
         if line[:1] == "*":
             if block:
@@ -190,7 +183,7 @@ def _blocks(path: Path) -> Iterator[DeckKeyword]:
         yield block
 
 
-def _take(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _take(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     """Add one block to the deck."""
     if block.keyword in TABLES["makers"]:
         raise SceneError("nodes and elements must be written one by one in Cartesian axes")
@@ -207,13 +200,13 @@ def _take(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     take(deck, block)
 
 
-def _part(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _part(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     deck.close()
     if block.keyword == "PART":
         deck.open = deck.parts[block.options["NAME"]] = Scope(block.options["NAME"])
 
 
-def _instance(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _instance(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     """A copy of the part of an instance, or nothing yet where the instance has its own mesh."""
     deck.close()
     name, wanted = block.options["NAME"], block.options.get("PART", "")
@@ -230,14 +223,14 @@ def _instance(deck: _AbaqusDeck, block: DeckKeyword) -> None:
         raise SceneError(f"part {wanted!r} is not defined before; there are: {known}")
 
 
-def _end(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _end(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     deck.close()
     if block.keyword == "END INSTANCE" and deck.open is not None:
         deck.whole.take(deck.open, *placement(deck.place))
     deck.open = None
 
 
-def _nodes(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _nodes(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     scope, options = deck.scope, block.options
     if options.get("SYSTEM", "R").upper() != "R":
         raise SceneError("nodes and elements must be written one by one in Cartesian axes")
@@ -249,7 +242,7 @@ def _nodes(deck: _AbaqusDeck, block: DeckKeyword) -> None:
         scope.add(scope.nsets, options["NSET"], [int(row[0]) for row in block.rows])
 
 
-def _surface(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _surface(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     scope, options = deck.scope, block.options
     name, kind = options.get("NAME"), options.get("TYPE", "ELEMENT").upper()
     if name is None:
@@ -265,13 +258,15 @@ def _surface(deck: _AbaqusDeck, block: DeckKeyword) -> None:
         deck.surfaces[name] = block.rows
 
 
-def _unnamed(whole: Scope, blocks: Sequence[DeckKeyword]) -> list[tuple[DeckKeyword, str]]:
+def _unnamed(
+    whole: Scope, blocks: Sequence[filemesh.DeckKeyword]
+) -> list[tuple[filemesh.DeckKeyword, str]]:
     """Sets of nodes and faces that supports and pressures name by their numbers alone.
 
     Returns:
         Rows that name nothing, and why.
     """
-    held, lost = list[tuple[int, str]](), list[tuple[DeckKeyword, str]]()
+    held, lost = list[tuple[int, str]](), list[tuple[filemesh.DeckKeyword, str]]()
     # Reference nodes are on no face of their own.
     references = {block.options.get("REFNODE") for block in blocks}
     for block in (b for b in blocks if not b.scope and b.keyword in ("BOUNDARY", "DLOAD")):
@@ -286,7 +281,7 @@ def _unnamed(whole: Scope, blocks: Sequence[DeckKeyword]) -> list[tuple[DeckKeyw
                     held += [(n, along) for n in whole.members(whole.nsets, [word], "")]
             except SceneError as error:
                 lost.append((block, f"{', '.join((word, *row))}: {error}"))
-    whole.nsets |= held_nodes("*BOUNDARY", held)
+    whole.nsets |= filemesh.held_nodes("*BOUNDARY", held)
     return lost
 
 
@@ -299,7 +294,7 @@ def held_along(row: Sequence[str]) -> str:
     return "xyzrrr"[int(row[0]) - 1]
 
 
-def _elements(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _elements(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     """Solids, and shells that may mark faces; others are counted and are no part of the mesh."""
     scope, options = deck.scope, block.options
     name = options.get("TYPE", "").upper()
@@ -330,7 +325,7 @@ def _elements(deck: _AbaqusDeck, block: DeckKeyword) -> None:
         scope.add(scope.elsets, options["ELSET"], [*map(int, table[:, 0])])
 
 
-def _set(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _set(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     """A set of nodes or elements: listed, generated, or made of other sets."""
     scope, keyword, options = deck.scope, block.keyword, block.options
     sets = scope.nsets if keyword == "NSET" else scope.elsets
@@ -355,22 +350,22 @@ def _set(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     scope.add(sets, options[keyword], found)
 
 
-_TAKEN: dict[str, Callable[[_AbaqusDeck, DeckKeyword], None]] = {
+_TAKEN: dict[str, Callable[[_AbaqusDeck, filemesh.DeckKeyword], None]] = {
     "PART": _part, "ASSEMBLY": _part, "INSTANCE": _instance, "END PART": _end, "END INSTANCE": _end,
     "END ASSEMBLY": _end, "NODE": _nodes, "ELEMENT": _elements, "NSET": _set, "ELSET": _set,
     "SURFACE": _surface,
 }  # fmt: skip
 
 
-def _mesh(scope: Scope) -> FileMesh:
+def _mesh(scope: Scope) -> filemesh.FileMesh:
     """The assembly with nodes and cells numbered from 0."""
-    mesh = numbered(scope.nodes, scope.solids, scope.skins, scope.elsets, scope.nsets)
-    shells = {frozenset(corners_of(own)) for _, own in scope.skins.values()}
+    mesh = filemesh.numbered(scope.nodes, scope.solids, scope.skins, scope.elsets, scope.nsets)
+    shells = {frozenset(filemesh.corners_of(own)) for _, own in scope.skins.values()}
     for name, facets in scope.surfaces.items():
         if facets:
             if shells >= {*map(frozenset, facets)}:
                 mesh.shell_sets[name] = False
-            mesh.facet_groups[name] = same_length(mesh.placed(facets))
+            mesh.facet_groups[name] = filemesh.same_length(mesh.placed(facets))
     mesh.elements = scope.others
     mesh.shells = {k: own for k, own in mesh.shells.items() if not k.startswith(_MARKS)}
     return mesh

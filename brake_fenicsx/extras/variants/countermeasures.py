@@ -25,12 +25,7 @@ from brake_fenicsx.folder.store import Store
 from brake_fenicsx.model import Model, prepare
 from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
 from brake_fenicsx.results.run import read_run
-from brake_fenicsx.samples.sampling import (
-    check_values,
-    law_factor,
-    law_material,
-    scaled_interfaces,
-)
+from brake_fenicsx.samples import sampling
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.samples_section import ROUGH, is_constant, split_key
@@ -120,8 +115,8 @@ class Search:
         """
         scene, out = self.scene, [c.override(self.scene, x) for c, x in values.items()]
         constants = {c.key: x for c, x in values.items() if is_constant(c.key)}
-        names = scaled_interfaces(scene) if constants and scene.micro else []
-        behind = {law_material(scene, name) for name in names}
+        names = sampling.scaled_interfaces(scene) if constants and scene.micro else []
+        behind = {sampling.law_material(scene, name) for name in names}
         if not behind.isdisjoint(split_key(key)[1] for key in constants) and scene.micro:
             if len(behind) > 1:
                 raise SceneError(
@@ -129,8 +124,8 @@ class Search:
                     " of them alone; run both scenes and use brake-fenicsx compare"
                 )
             stiffer = Values(scene, constants)
-            check_values(ROUGH[0], stiffer)
-            factor = law_factor(names[0], stiffer)
+            sampling.check_values(ROUGH[0], stiffer)
+            factor = sampling.law_factor(names[0], stiffer)
             given = {"E": scene.micro.E, "hardness": scene.micro.hardness}
             out += [f'micro.{n}="{v * factor!r} Pa"' for n, v in given.items() if v is not None]
         return out

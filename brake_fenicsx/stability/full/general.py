@@ -40,14 +40,7 @@ from brake_fenicsx.arguments import AnyArray, Array, Complex, Mask
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.macro.solver import Factor, petsc_matrix
 
-from ..eigensolvers import eigenpairs
-from ..eigensolvers.argument_principle import (
-    RIM,
-    count_zeros,
-    damped_region,
-    opening,
-    undamped_region,
-)
+from ..eigensolvers import argument_principle, eigenpairs
 from ..eigensolvers.eigenpairs import QuadraticPencil, both_sides, on_parts
 from ..eigensolvers.symmetric import SHIFT, count_below, is_symmetric
 from ..modes import NEAR_ZERO, Count, Modes, damped_rows
@@ -78,8 +71,8 @@ def small_modes(p: SplitProblem, low: float, high: float, zeta_max: float) -> Fo
         agree(int(np.sum(kappa.real < at)), expected, high, "inertia")
         return Found(kappa, right, left, Count("proven", "inertia of K - kappa M"))
     K, M = p.K.toarray(), p.M.toarray()
-    region = undamped_region(kappa, low, high, zeta_max)
-    expected = count_zeros(lambda z: K - z * M, region, kappa)
+    region = argument_principle.undamped_region(kappa, low, high, zeta_max)
+    expected = argument_principle.count_zeros(lambda z: K - z * M, region, kappa)
     agree(int(region.holds(kappa).sum()), expected, high, "the winding number")
     counting = Count("proven", "winding number of det(K - kappa M)")
     return Found(kappa, right, left, counting)
@@ -154,10 +147,10 @@ def counted_quadratic(p: QuadraticPencil, s: Complex, high: float, zeta_max: flo
     Raises:
         InaccurateResult: the numbers differ.
     """
-    region = damped_region(s, high, 2 * zeta_max, 1.1)
+    region = argument_principle.damped_region(s, high, 2 * zeta_max, 1.1)
     M, C, K = (sp.csr_matrix(A).toarray() for A in (p.M, p.C, p.K))
     scale = np.abs(K).max()
-    counted = count_zeros(lambda z: (z**2 * M + z * C + K) / scale, region, s)
+    counted = argument_principle.count_zeros(lambda z: (z**2 * M + z * C + K) / scale, region, s)
     agree(int(region.holds(s).sum()), counted, high**2, "the winding number")
     return Count("proven", "winding number of det(lambda^2 M + lambda C + K)")
 
@@ -211,11 +204,11 @@ def quadratic_modes(
         InaccurateResult: a right vector has no left one.
     """
     M, C, K = (sp.csr_matrix(A) for A in (p.M, p.C, p.K))
-    count, _ = count_below((0.5 * (K + K.T)).tocsr(), M, (RIM * high) ** 2)
+    count, _ = count_below((0.5 * (K + K.T)).tocsr(), M, (argument_principle.RIM * high) ** 2)
     s = np.sqrt(SHIFT) * high
     # The edges of that region may lie beyond the band by RIM.
-    reach = RIM * high / np.sqrt(1 - zeta_max**2) + s
-    leftmost = -RIM * high * zeta_max / np.sqrt(1 - zeta_max**2)
+    reach = argument_principle.RIM * high / np.sqrt(1 - zeta_max**2) + s
+    leftmost = -argument_principle.RIM * high * zeta_max / np.sqrt(1 - zeta_max**2)
 
     def side(transposed: bool) -> tuple[Complex, Complex]:
         m, c, k = (A.T.tocsr() if transposed else A for A in (M, C, K))
@@ -223,7 +216,12 @@ def quadratic_modes(
         n = K.shape[0]
         # A little further, so that each of the right ones has its left one.
         found, X = eigenpairs.nearest_modes(
-            apply, 2 * n, s, RIM * reach, 2 * count + 2, RIM * leftmost
+            apply,
+            2 * n,
+            s,
+            argument_principle.RIM * reach,
+            2 * count + 2,
+            argument_principle.RIM * leftmost,
         )
         lu.destroy()
         return found, X[:n]
@@ -325,12 +323,12 @@ def general_modes(p: SplitProblem, high: float, zeta_max: float, tolerance: floa
     """
     # Not a round number: a shift must not be an eigenvalue.
     sigma = 0.5 * high * (1 + 1.234e-7)
-    reach = 1.001 * high * np.hypot(0.52, opening(zeta_max))
-    wanted = count_below(p.frictionless, p.M, RIM * high)[0] + 10
+    reach = 1.001 * high * np.hypot(0.52, argument_principle.opening(zeta_max))
+    wanted = count_below(p.frictionless, p.M, argument_principle.RIM * high)[0] + 10
 
     def side(transposed: bool) -> tuple[Complex, Complex]:
         K, M = (A.T.tocsr() if transposed else A for A in (p.K, p.M))
-        return _within(K, M, sigma, RIM * reach, wanted, tolerance)
+        return _within(K, M, sigma, argument_principle.RIM * reach, wanted, tolerance)
 
     counting = p.not_low_rank if p.friction is None else p.indefinite
     return Found(*both_sides(side, sigma, reach), counting)
