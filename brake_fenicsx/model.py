@@ -20,8 +20,7 @@ from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.executor import Source, loaded, samples_elsewhere, samples_here
 from brake_fenicsx.extensions import Extensions
-from brake_fenicsx.folder.files import SharedCache
-from brake_fenicsx.folder.lock import Share
+from brake_fenicsx.folder import files, lock
 from brake_fenicsx.folder.store import Store, check_folder
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.pipeline import before_samples, make_study
@@ -319,7 +318,7 @@ def entered(source: Source) -> Study:
         SceneError: the folder is of another scene.
     """
     store = Store(Path(source.directory))
-    store.share = Share(1, 1)
+    store.share = lock.Share(1, 1)
     scene = from_text(source.table) if source.table else source.scene
     parsed = read_scene(scene, source.overrides, Path(source.scene).parent)
     return _prepared(_with_ranges(parsed, dict(source.parameters)), store, MPI.COMM_SELF)
@@ -351,7 +350,7 @@ def _prepared(
     surfaces = check(parsed, comm)
     if extensions is not None:
         parsed = with_objects(parsed, extensions)
-    this = Run(parsed, comm, store, SharedCache(store, cache))
+    this = Run(parsed, comm, store, files.SharedCache(store, cache))
     if store.share is None:
         store.open(scene_text(parsed))
     brake, library = before_samples(this, surfaces)

@@ -25,10 +25,8 @@ from brake_fenicsx.build.law_stage import law_recipe, micro_stage
 from brake_fenicsx.description import earlier_run
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import load, named
-from brake_fenicsx.folder.files import SharedCache
-from brake_fenicsx.folder.lock import Share
+from brake_fenicsx.folder import files, lock, processes
 from brake_fenicsx.folder.log import Progress, logger, spared, start_log
-from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.folder.store import PREPARED, Store, check_folder, enter_prepared, open_folder
 from brake_fenicsx.libraries import differences, versions
 from brake_fenicsx.results.answer import open_points, summary_table, write_tables
@@ -85,7 +83,7 @@ def run(
     overrides: Sequence[str] = (),
     from_stage: str | None = None,
     cache: str | Path | None = None,
-    share: Share | None = None,
+    share: lock.Share | None = None,
     prepare: bool = False,
     pictures: bool = True,
 ) -> Run:
@@ -132,7 +130,7 @@ def run(
     if not (parsed.samples.approaches and "equilibrium" in parsed.stages) and (share or prepare):
         raise SceneError(f"{parsed.file}: has no samples to be shared; write `run`, no --share")
     surfaces = checks.check(parsed, comm)
-    shared = SharedCache(store, None if cache is None else Path(cache))
+    shared = files.SharedCache(store, None if cache is None else Path(cache))
     this = Run(parsed, comm, store, shared, prepare=prepare, pictures=pictures)
     new = not store.directory.exists()
     try:
@@ -392,7 +390,7 @@ def draw_beside(this: Run, study: Study, first: First) -> None:
         works += figure_works(this.store.directory, read, *figures)
     made = study.verified_beside(works)
     if study.verify:
-        this.facts["verification"] = on_first(lambda: verification(study), this.comm)
+        this.facts["verification"] = processes.on_first(lambda: verification(study), this.comm)
     this.warn([text for _, lost in made for text in lost])
     if "report" in this.scene.stages and this.comm.rank == 0:
         write_shapes(study, [row for row, _ in made[: len(shapes.works)] if row is not None])
@@ -440,7 +438,7 @@ def report(
     read = cache(lambda: read_run(directory))
     works = figure_works(directory, read, pictures, own)
     progress = Progress("figures, in parts", len(works), processes=comm.size)
-    for _, lost in in_turns(len(works), lambda i: works[i](), comm):
+    for _, lost in processes.in_turns(len(works), lambda i: works[i](), comm):
         progress.advance()
         for text in lost:
             logger.warning("%s", text)

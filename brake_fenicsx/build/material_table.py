@@ -34,10 +34,8 @@ from brake_fenicsx.macro.material import (
     rotate_about_z,
     transversely_isotropic,
 )
-from brake_fenicsx.scene import MaterialTable, Scene
+from brake_fenicsx.scene import MaterialTable, Scene, samples_section, scalars
 from brake_fenicsx.scene.samples_section import ENGINEERING as ENGINEERING_NAMES
-from brake_fenicsx.scene.samples_section import is_constant, split_key
-from brake_fenicsx.scene.scalars import written_value
 
 Value = TypeVar("Value")
 DIGITS = "0123456789"
@@ -205,16 +203,16 @@ def varied_stiffness(table: MaterialTable, values: Mapping[str, float]) -> Array
 
 def nominal_value(scene: Scene, name: str) -> float:
     """Value of a scalar in the scene, SI."""
-    if is_constant(name):
-        _, table, last = split_key(name)
+    if samples_section.is_constant(name):
+        _, table, last = samples_section.split_key(name)
         return constants(scene.materials[table])[last]
-    return written_value(scene, name)
+    return scalars.written_value(scene, name)
 
 
 def by_material(values: Mapping[str, Value]) -> dict[str, dict[str, Value]]:
     """Those of some scalars that are constants of materials: material -> constant -> value."""
     groups: dict[str, dict[str, Value]] = {}
-    for name in filter(is_constant, values):
-        _, material, constant = split_key(name)
+    for name in filter(samples_section.is_constant, values):
+        _, material, constant = samples_section.split_key(name)
         groups.setdefault(material, {})[constant] = values[name]
     return groups

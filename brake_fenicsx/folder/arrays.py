@@ -30,8 +30,7 @@ import numpy as np
 from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import BrakeError, SceneError
 
-from .log import short_line
-from .processes import mapped_files
+from . import log, processes
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 Source = Path | IO[bytes]
@@ -159,7 +158,7 @@ def why(error: BaseException) -> str:
         return "it needs more memory than there is"
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
-    text = short_line(str(error))
+    text = log.short_line(str(error))
     plain = isinstance(error, ValueError | OSError) and text
     return text if plain else f"{type(error).__name__}{text and ': '}{text}"
 
@@ -304,7 +303,7 @@ def _header(stream: Any, size: int) -> tuple[tuple[int, ...], bool, np.dtype[Any
 def _content(archive: zipfile.ZipFile) -> mmap.mmap:
     """An archive mapped into memory."""
     content = mmap.mmap(archive.fp.fileno(), 0, access=mmap.ACCESS_READ)  # type: ignore[union-attr]
-    mapped_files.add(content)
+    processes.mapped_files.add(content)
     return content
 
 

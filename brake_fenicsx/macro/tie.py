@@ -36,10 +36,8 @@ from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.brake_mesh import Mesh
 
-from .elasticity import FreeDofs
+from . import elasticity, integrals, material
 from .faces import Face, gather_face
-from .integrals import facet_areas, facet_rule
-from .material import Material
 from .overlap import Overlap, facing_pairs, overlap, rule
 
 # Stiffness of a layer that a scene gives none for: this multiple of E / h. See docs/meshes.md for
@@ -84,9 +82,9 @@ class GluedFaces:
 
 def tied_faces(
     mesh: Mesh,
-    free: FreeDofs,
+    free: elasticity.FreeDofs,
     faces: tuple[str, str],
-    materials: Mapping[str, Material],
+    materials: Mapping[str, material.Material],
     stiffness: float | None = None,
     search: float | None = None,
 ) -> GluedFaces:
@@ -108,7 +106,7 @@ def tied_faces(
         SceneError: unknown face, or faces that nowhere lie that close to each other.
     """
     first, second = (gather_face(mesh, free, face) for face in faces)
-    areas = [facet_areas(face) for face in (first, second)]
+    areas = [integrals.facet_areas(face) for face in (first, second)]
     sides = [float(np.sqrt(area.mean())) for area in areas]
     if stiffness is None:
         stiffness = STIFF * _stiffest(faces, materials) / min(sides)
@@ -135,7 +133,7 @@ def tied_faces(
     )
 
 
-def _stiffest(faces: tuple[str, str], materials: Mapping[str, Material]) -> float:
+def _stiffest(faces: tuple[str, str], materials: Mapping[str, material.Material]) -> float:
     """Largest C_ii [Pa] of the layers of the parts of two faces."""
     parts = {face.partition(".")[0] for face in faces}
     C = [m.C for name, m in materials.items() if name.partition(".")[0] in parts]
@@ -265,7 +263,7 @@ def check_size(faces: list[Face]) -> None:
 
 def _points(face: Face) -> tuple[Array, Array, Array]:
     """Areas [m^2], distances from the centroid [m] and shape functions at points of every facet."""
-    x, w = facet_rule(face.element.corners)
+    x, w = integrals.facet_rule(face.element.corners)
     where, _, ratio = face.everywhere(x)
     area = ratio * w
     centre = np.einsum("fq,fqc->c", area, where) / area.sum()

@@ -32,8 +32,7 @@ from brake_fenicsx.errors import SceneError, SurfaceError
 from brake_fenicsx.micro.halfspace import Boundary, HalfSpace, half_space_of
 from brake_fenicsx.micro.law import ComputedLaw, LawSteps, make_library
 from brake_fenicsx.micro.sweep import Step, given, steps_per_decade, sweep
-from brake_fenicsx.surface.hdf import gradients
-from brake_fenicsx.surface.topography import Topography
+from brake_fenicsx.surface import hdf, topography
 
 WIDTH = np.log(10.0) / 3.0  # of the regression over ln p
 POINTS = 40  # of the even grid of ln p over one width
@@ -220,7 +219,7 @@ def local_lines(x: Array, y: Array) -> tuple[Array, Array]:
     return (r0 * s2 - r1 * s1) / determinant, (s0 * r1 - s1 * r0) / determinant
 
 
-def contact_law(surface: Topography, E_star: float, **settings: Any) -> ComputedLaw:
+def contact_law(surface: topography.Topography, E_star: float, **settings: Any) -> ComputedLaw:
     """Law p(d) of a rough surface under a rigid plane.
 
     Args:
@@ -241,22 +240,22 @@ def contact_law(surface: Topography, E_star: float, **settings: Any) -> Computed
         >>> round(float(law.pressure(0.5e-6)) / 1e6, 1)  # [MPa] where the crests sink in by 0.5 um
         1.4
     """
-    of_kind("surface", surface, Topography, "a Topography, see surface.make_topography")
+    of_kind("surface", surface, topography.Topography, "a Topography, see surface.make_topography")
     law = make_library([law_steps(surface, LawSettings(E_star, **settings))])[0]
     for text in doubts(surface):
         logger.warning("%s", text)
     return law
 
 
-def doubts(surface: Topography) -> list[str]:
+def doubts(surface: topography.Topography) -> list[str]:
     """What is doubtful about a surface under a half-space model, one line each."""
-    slope, _ = gradients(surface.heights, surface.pixel)
+    slope, _ = hdf.gradients(surface.heights, surface.pixel)
     steep = f"{surface.source}: rms slope {slope:.2g}; the half-space supposes small slopes"
     return [*surface.warnings, *([steep] if slope > 1.0 else [])]
 
 
 def law_steps(
-    surface: Topography,
+    surface: topography.Topography,
     settings: LawSettings,
     pressure: float = np.inf,
     only: Array | None = None,
@@ -348,7 +347,7 @@ def _beyond(settings: LawSettings) -> float:
     return float(np.exp(WIDTH * (0.5 * halves + 3.0 / POINTS)))
 
 
-def first_load(h: Array, surface: Topography, settings: LawSettings) -> float:
+def first_load(h: Array, surface: topography.Topography, settings: LawSettings) -> float:
     """Mean pressure over E* of the first step [-]: one pixel, whose foot is short.
 
     One pixel of compliance c takes the sum of pressures 0.02 S_q / c over the foot.

@@ -64,7 +64,8 @@ def input_blocks(run: RunData) -> list[Block]:
     rows: list[list[Value]] = [
         [
             run.label(approach), where,
-            answer.share_text(row["probability"], row["low"], row["high"]), _number(row["median_damping"]), row["above_limit"], row["dominant_input"] or None,
+            answer.share_text(row["probability"], row["low"], row["high"]),
+            _number(row["median_damping"]), row["above_limit"], row["dominant_input"] or None,
             interval_text(*(row[f"correlation{end}"] for end in ("", "_low", "_high"))),
             *(percent(value) for name, value in row.items() if name.startswith("share_")),
         ]

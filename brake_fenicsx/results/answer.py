@@ -15,9 +15,8 @@ import numpy as np
 
 from brake_fenicsx.arguments import AnyArray, Mask
 
-from .ensemble_statistics import Proportion, wilson
+from . import ensemble_statistics, squeal
 from .run import RunData, read_run
-from .squeal import Family, squeals
 from .tables import Row, RowTable, Value, text_table
 
 USUAL = 0.01  # of the damping ratio -2 Re / |Im| that Abaqus prints
@@ -215,7 +214,7 @@ class LimitRow(Row):
     share_high: float | None
 
 
-def share_cells(share: Proportion) -> list[float | None]:
+def share_cells(share: ensemble_statistics.Proportion) -> list[float | None]:
     """A share and its interval; a single sample has a verdict, no share."""
     return share.cells if share.n > 1 else [None] * 3
 
@@ -251,9 +250,9 @@ def limit_rows(run: RunData, approaches: Sequence[str] | None = None) -> list[Li
         if n == 0 or modes is None:
             continue
         for limit, text in limits(run).items():
-            squealing = run.squeal.of_good(approach) & squeals(modes, limit)
+            squealing = run.squeal.of_good(approach) & squeal.squeals(modes, limit)
             hits = np.unique(modes["sample"][squealing]).size
-            share = share_cells(wilson(hits, n))
+            share = share_cells(ensemble_statistics.wilson(hits, n))
             counts = int(squealing.sum()), hits, n
             rows.append(LimitRow.of(approach, text, -limit or 0.0, *counts, *share))
     return rows
@@ -267,7 +266,7 @@ def approach_rows(run: RunData) -> list[ApproachRow]:
         families = "; ".join(map(_family_text, run.squeal.families(approach)[:NAMED]))
         rows.append(ApproachRow.of(
             approach, c.samples, c.failed, c.modes, c.unstable, c.neutral, run.threshold, c.squeal,
-            c.squeal_samples, *share_cells(wilson(c.squeal_samples, c.samples)),
+            c.squeal_samples, *share_cells(ensemble_statistics.wilson(c.squeal_samples, c.samples)),
             families or "none",
         ))  # fmt: skip
     return rows
@@ -317,7 +316,7 @@ def write_tables(directory: str | Path | RunData) -> list[Path]:
     return [table.write(folder / f"{name}.csv") for name, table in written.items()]
 
 
-def _family_text(f: Family) -> str:
+def _family_text(f: squeal.Family) -> str:
     often = f"{f.share.hits}/{f.share.n}, " if f.share.n > 1 else ""
     return f"{f.kilohertz} kHz ({often}{f.median:.2g})"
 

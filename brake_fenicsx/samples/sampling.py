@@ -23,8 +23,7 @@ from scipy.interpolate import PchipInterpolator
 
 from brake_fenicsx import micro
 from brake_fenicsx.arguments import Array, Index
-from brake_fenicsx.build.material_table import nominal_value, stiffness
-from brake_fenicsx.build.parametric import BrakeAt
+from brake_fenicsx.build import material_table, parametric
 from brake_fenicsx.build.values import Values, quantile
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.extensions import FrictionLaw
@@ -90,7 +89,7 @@ class SampleInput:
 
     approach: str
     seed: int
-    brake: BrakeAt
+    brake: parametric.BrakeAt
     laws: contact_forces.EnrichedGap
     friction: contact_forces.SlidingFriction
     rejected: int = 0
@@ -116,7 +115,7 @@ def draw_sample(
     scene: Scene,
     approach: str,
     k: int,
-    at: Callable[[Values], BrakeAt],
+    at: Callable[[Values], parametric.BrakeAt],
     rough: Roughness = SMOOTH,
     point: Array | None = None,
     zones: Mapping[str, Roughness] = MappingProxyType({}),
@@ -222,7 +221,7 @@ def friction_law(contact: Contact, approach: str, values: Values) -> contact_for
 
 
 def _rough(
-    brake: BrakeAt,
+    brake: parametric.BrakeAt,
     whole: Roughness,
     zones: Mapping[str, Roughness],
     streams: tuple[np.random.Generator, np.random.Generator],
@@ -333,7 +332,7 @@ def draw_inputs(
         InaccurateResult: the point of a rigid design is rejected, or every draw is.
     """
     random = dict(sorted(scene.samples.random.items()))
-    nominal = {name: nominal_value(scene, name) for name in random}
+    nominal = {name: material_table.nominal_value(scene, name) for name in random}
     root = correlation_root(random, scene.samples.plan(approach).design)
     u = rng.random(len(random)) if point is None else point
     for rejected in range(MOST_DRAWS):
@@ -426,7 +425,7 @@ def law_factor(interface: str, values: Values) -> float:
     name = law_material(values.scene, interface) if values.materials else ""
     if name not in values.materials:
         return 1.0
-    nominal = stiffness(values.scene.materials[name])
+    nominal = material_table.stiffness(values.scene.materials[name])
     return _modulus(name, values.stiffness(name)) / _modulus(name, nominal)
 
 

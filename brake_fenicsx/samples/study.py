@@ -27,10 +27,7 @@ from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures.parameter_line import Basis
 
-from . import sampling
-from .drivers import driver_arrays
-from .ensemble import run_ensemble
-from .forces import forces_of_sample, mean_friction, moved
+from . import drivers, ensemble, forces, sampling
 from .models import Models
 from .solve import Equilibria, More, displacements, full_modes, modes_of_sample, reduced_modes
 
@@ -136,7 +133,7 @@ class Study(OfOneProcess):
         # One sample that takes long comes before many, which fill the time of the others.
         count = Counter(approach for approach, _ in tasks)
         short = sorted((t for t in tasks if reduced[t[0]]), key=lambda t: count[t[0]])
-        run_ensemble(short, self.work, self.store, self.comm, long, paired=self._paired)
+        ensemble.run_ensemble(short, self.work, self.store, self.comm, long, paired=self._paired)
 
     @property
     def _paired(self) -> bool:
@@ -155,7 +152,7 @@ class Study(OfOneProcess):
         parts = ("samples at full order", self.verify), ("pictures and figures", works)
         what = ", ".join(name for name, there in parts if there)
         files = self.store, self.comm
-        return run_ensemble((), self.work, *files, self.verify, what, self._paired, works)
+        return ensemble.run_ensemble((), self.work, *files, self.verify, what, self._paired, works)
 
     def work(self, task: Task, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, Any]:
         """Equilibrium and modes of one sample, as arrays to store.
@@ -177,7 +174,7 @@ class Study(OfOneProcess):
             names = sorted(sample.values)
             known |= {
                 "mu": sample.friction.mu,
-                "mean_mu": mean_friction(self.brake.contact, sample.friction.mu),
+                "mean_mu": forces.mean_friction(self.brake.contact, sample.friction.mu),
                 "random_names": np.array(names, dtype=str),
                 "random": np.array([sample.values[n] for n in names]),
             }
@@ -220,13 +217,13 @@ class Study(OfOneProcess):
         contact = sample.brake.contact
         out["beyond_laws"] = sample.laws.beyond(eq.p, contact.w)
         if contact is not self.brake.contact:
-            out["moved"] = moved(contact)
-        out["forces"] = forces_of_sample(self.scene, contact, eq.p, sample.friction.mu)
+            out["moved"] = forces.moved(contact)
+        out["forces"] = forces.forces_of_sample(self.scene, contact, eq.p, sample.friction.mu)
         if models.stability is not None:
             more: list[More] = []
             if models.stability.drivers and own and comm.rank == 0:
                 given = self.equilibria, sample, eq, k == 0
-                more.append(("drivers", partial(driver_arrays, *given)))
+                more.append(("drivers", partial(drivers.driver_arrays, *given)))
             extras = self.beside.items() if own and comm.rank == 0 else ()
             more += [(what, partial(work.of, sample, eq)) for what, work in extras]
             out |= modes_of_sample(models, sample, eq, reduced, more, comm)

@@ -35,9 +35,7 @@ from .full.friction_modes import friction_modes
 from .full.general import DENSE, damped_modes, general_modes, small_modes
 from .full.interface import Found, Interface, SplitProblem, difference_interface
 from .modes import Count, Modes, counted_rows, undamped_rows
-from .substructures.contact_rows import ContactLinearisation
-from .substructures.offline import reduce_bodies
-from .substructures.substructure import Substructure
+from .substructures import contact_rows, offline, substructure
 
 # The count needs the number of zeros, not their digits.
 TOLERANCE = 1e-3
@@ -214,14 +212,14 @@ def counted(p: SplitProblem, C: sp.csr_matrix, s: Complex, high: float, zeta_max
     none = sp.csr_matrix((0, dofs.size))
     left, right = (none, none) if p.friction is None else (p.friction.left, p.friction.right)
     elements = np.arange(right.shape[0])
-    body = Substructure(
+    body = substructure.Substructure(
         dofs, elements, p.frictionless, p.M, C, {"N": right, "T": left}, np.zeros((dofs.size, 0))
     )
     one = np.ones(elements.size)
     # Friction left' right with springs of 1 N/m, and nothing along the gaps.
-    contact = ContactLinearisation(0 * one, one, 0 * one, 0 * one)
+    contact = contact_rows.ContactLinearisation(0 * one, one, 0 * one, 0 * one)
     try:
-        model = reduce_bodies([body], one, (0.0, high / 2 / np.pi), tolerance=TOLERANCE)
+        model = offline.reduce_bodies([body], one, (0.0, high / 2 / np.pi), tolerance=TOLERANCE)
     except InaccurateResult as error:
         if symmetric.count_below(p.frictionless, p.M, -symmetric.SHIFT * high**2)[0] > 0:
             return p.indefinite

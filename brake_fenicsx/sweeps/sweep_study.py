@@ -19,8 +19,7 @@ from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
-from brake_fenicsx.samples.ensemble import run_ensemble
-from brake_fenicsx.samples.sampling import PERFECT
+from brake_fenicsx.samples import ensemble, sampling
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene.samples_section import ROUGH
 from brake_fenicsx.scene.units import several
@@ -216,7 +215,7 @@ class SweepStudy:
             self.second = sweep.parameters[self._second].points
         self._band = stability.band[0], stability.band[1]
         named = study.scene.samples.approaches
-        chosen = [next((a for a in kind if a in named), None) for kind in (ROUGH, PERFECT)]
+        chosen = [next((a for a in kind if a in named), None) for kind in (ROUGH, sampling.PERFECT)]
         lines = range(max(1, len(self.second)))
         self.nominal: list[Task] = [(a, k) for a in chosen if a is not None for k in lines]
         rough = chosen[0] or ""
@@ -230,7 +229,7 @@ class SweepStudy:
         """Follow every line that is not stored yet; collective."""
         own = [self._task("own", task) for task in self.nominal]
         samples = [self._task("sample", task) for task in self.samples]
-        run_ensemble(samples, self.work, self.study.store, self.study.comm, own, "lines")
+        ensemble.run_ensemble(samples, self.work, self.study.store, self.study.comm, own, "lines")
 
     def write(self) -> dict[str, Any]:
         """Tables of the lines; collective. Returns figures for the summary."""

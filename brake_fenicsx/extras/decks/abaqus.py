@@ -14,10 +14,8 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.meshing import filemesh
 
+from . import abaqus_steps, keywords, node_axes
 from .abaqus_scope import KINDS, Rows, Scope, find, placement
-from .abaqus_steps import in_force
-from .keywords import TABLES, keyword_of
-from .node_axes import along_global
 
 # Types of solid elements, which end with their number of nodes and letters of the integration.
 _SOLID = re.compile(r"(?:C3D|SC)(\d+)[HIMRTSEF]*")
@@ -103,8 +101,8 @@ def read_abaqus(path: Path) -> filemesh.FileMesh:
             deck.whole.take(part, np.eye(3), np.zeros(3))
             deck.instances[part.name] = part.name
     deck.whole.share()
-    found = in_force(deck.blocks)
-    blocks, turned = along_global(deck.whole, found.blocks)
+    found = abaqus_steps.in_force(deck.blocks)
+    blocks, turned = node_axes.along_global(deck.whole, found.blocks)
     lost = [*deck.lost, *found.lost, *turned, *_unnamed(deck.whole, blocks)]
     return replace(
         _mesh(deck.whole), blocks=blocks, instances=deck.instances, lost=lost, step=found.step,
@@ -161,7 +159,7 @@ def _block(line: str, at: str) -> filemesh.DeckKeyword:
     first, *words = line[1:].rstrip(" ,").split(",")
     pairs = (word.partition("=") for word in words)
     options = {"".join(n.split()).upper(): value.strip().strip('"') for n, _, value in pairs}
-    return filemesh.DeckKeyword(keyword_of(first), options, [], line.strip(), at)
+    return filemesh.DeckKeyword(keywords.keyword_of(first), options, [], line.strip(), at)
 
 
 def _blocks(path: Path) -> Iterator[filemesh.DeckKeyword]:
@@ -185,14 +183,14 @@ def _blocks(path: Path) -> Iterator[filemesh.DeckKeyword]:
 
 def _take(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     """Add one block to the deck."""
-    if block.keyword in TABLES["makers"]:
+    if block.keyword in keywords.TABLES["makers"]:
         raise SceneError("nodes and elements must be written one by one in Cartesian axes")
     take = _TAKEN.get(block.keyword)
     if take is None:
         if not block.keyword.startswith("END "):
             deck.blocks.append(replace(block, scope=deck.scope.name))
         return
-    if unknown := sorted(block.options.keys() - {*TABLES["mesh"].get(block.keyword, ())}):
+    if unknown := sorted(block.options.keys() - {*keywords.TABLES["mesh"].get(block.keyword, ())}):
         said = f"its option {unknown[0]} is not understood"
         if block.keyword not in ("NODE", "NSET", "ELSET") or "INPUT" in unknown:
             raise SceneError(f"{said}; write it without")

@@ -15,14 +15,13 @@ from typing import Any
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh, numbered
 
-from .abaqus_scope import KINDS
-from .keywords import TABLES
+from . import abaqus_scope, keywords
 
 # Shells may mark faces, or become solids.
 SHELL_NODES = {"CTRIA3": 3, "CTRIAR": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUADR": 4, "CQUAD8": 8}
 _SOLIDS = {"CTETRA": (4, 10), "CHEXA": (8, 20), "CPENTA": (6, 15), "CPYRAM": (5, 13)}
 _POINTS = ("GRID", "GRDSET", "CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S")
-_PARAMETERS = ("WTMASS", *TABLES["idle"]["nastran"])
+_PARAMETERS = ("WTMASS", *keywords.TABLES["idle"]["nastran"])
 
 
 def read_nastran(path: Path) -> FileMesh:
@@ -52,7 +51,7 @@ def read_nastran(path: Path) -> FileMesh:
         if SHELL_NODES.get(own.type) == len(nodes):
             skins[number] = own.type, nodes
         elif len(nodes) in _SOLIDS.get(own.type, ()):
-            solids[number] = KINDS[len(nodes)], nodes
+            solids[number] = abaqus_scope.KINDS[len(nodes)], nodes
         else:
             raise SceneError(
                 f"{own.type} {number} has {len(nodes)} nodes; write all middle nodes, or none"

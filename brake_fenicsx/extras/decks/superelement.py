@@ -19,9 +19,7 @@ from brake_fenicsx.arguments import Array, Ints
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.macro.solver import Factor
-from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.parts_section import Matrices
-from brake_fenicsx.scene.units import factor_to_si
+from brake_fenicsx.scene import Scene, parts_section, units
 
 from .matrix_files import Labels, read_matrix, read_row_labels
 
@@ -82,7 +80,7 @@ def set_names(scene: Scene) -> list[str]:
     return names
 
 
-def read_superelement(folder: Path, given: Matrices) -> Superelement:
+def read_superelement(folder: Path, given: parts_section.Matrices) -> Superelement:
     """Read and check the matrices of a body.
 
     Args:
@@ -130,7 +128,7 @@ def read_superelement(folder: Path, given: Matrices) -> Superelement:
     return body
 
 
-def _units(given: Matrices) -> list[float]:
+def _units(given: parts_section.Matrices) -> list[float]:
     """Units of length [m], mass [kg] and time [s]."""
     if len(given.units) != 3:
         raise SceneError(
@@ -138,7 +136,7 @@ def _units(given: Matrices) -> list[float]:
             ' files are consistent, ["mm", "t", "s"] for N, mm and tonnes'
         )
     pairs = zip(given.units, ("m", "kg", "s"), strict=True)
-    return [factor_to_si(unit, wanted, f"units: {unit!r}") for unit, wanted in pairs]
+    return [units.factor_to_si(unit, wanted, f"units: {unit!r}") for unit, wanted in pairs]
 
 
 def _as_rows(A: sp.csr_matrix, labels: Labels, wanted: Labels, source: str) -> sp.csr_matrix:
@@ -197,7 +195,7 @@ def _nodes(path: Path) -> tuple[Ints, Array, dict[str, Ints]]:
     return np.array(numbers), np.array(places), {n: np.array(v) for n, v in sets.items()}
 
 
-def _check_definite(body: Superelement, given: Matrices) -> None:
+def _check_definite(body: Superelement, given: parts_section.Matrices) -> None:
     """Refuse a mass or a stiffness with eigenvalues below zero, and coordinates without mass."""
     empty = np.flatnonzero(body.M.diagonal() <= 0.0)
     if empty.size:

@@ -21,8 +21,7 @@ import pandas as pd
 
 from brake_fenicsx.arguments import AnyArray, Array
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.arrays import TextTable
-from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder import arrays, processes
 from brake_fenicsx.results.ensemble_statistics import wilson
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import RowTable
@@ -143,7 +142,7 @@ def read_events(scene: Scene, states: Frame) -> Frame:
     if not (file := scene.section("states").events):
         return pd.DataFrame(columns=EVENT, dtype=float)
     units = units_of_state(scene, state="", frequency="Hz", stop=None, level="")
-    table = TextTable.read(scene.path(file))
+    table = arrays.TextTable.read(scene.path(file))
     given = in_si(table, units.__getitem__)
     known = states.assign(state=states.index)
     same = np.ones((len(given), len(states)), bool)
@@ -269,7 +268,7 @@ def outcomes(stored: Any, states: Frame) -> Iterator[tuple[str, Frame, Frame]]:
 
 def compute(run: Any, study: Any) -> dict[str, RowTable]:
     """The tables of the states; collective."""
-    return on_first(lambda: _tables(study.scene, study.store), study.comm)
+    return processes.on_first(lambda: _tables(study.scene, study.store), study.comm)
 
 
 def _tables(scene: Any, store: Any) -> dict[str, RowTable]:

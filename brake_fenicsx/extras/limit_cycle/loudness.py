@@ -17,10 +17,9 @@ import pandas as pd
 
 from brake_fenicsx.report import style
 from brake_fenicsx.report.page_blocks import Block, Table, Text
+from brake_fenicsx.results import squeal, tables
 from brake_fenicsx.results.run import RunData
-from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.stored import StoredSamples
-from brake_fenicsx.results.tables import RowTable
 
 from .cycles import HEARD, MEASURES
 from .growth import GIVES_WAY
@@ -60,13 +59,13 @@ FAMILIES = (
 LOUDNESS = ("level_1m_db", "disc_mm_s", "gap_um")
 
 
-def cycle_tables(stored: StoredSamples) -> dict[str, RowTable]:
+def cycle_tables(stored: StoredSamples) -> dict[str, tables.RowTable]:
     """Tables limit_cycle, limit_cycle_growth and limit_cycle_families, by their names."""
     rows, texts = list(_cycles(stored)), ("approach", "outcome", "outcomes")
     return {
-        "limit_cycle": RowTable(CYCLES, rows, texts),
-        "limit_cycle_growth": RowTable(GROWTH, _growth(stored), texts),
-        "limit_cycle_families": RowTable(FAMILIES, _families(rows), texts),
+        "limit_cycle": tables.RowTable(CYCLES, rows, texts),
+        "limit_cycle_growth": tables.RowTable(GROWTH, _growth(stored), texts),
+        "limit_cycle_families": tables.RowTable(FAMILIES, _families(rows), texts),
     }
 
 
@@ -202,7 +201,7 @@ def frequency_text(run: RunData, approach: str, family: int) -> str:
         if one.key == family:
             return one.kilohertz
     own = _of(_table(run, "limit_cycle_families"), approach, family)
-    return kilohertz(own.frequency_hz.tolist())[0]
+    return squeal.kilohertz(own.frequency_hz.tolist())[0]
 
 
 def loudness_text(run: RunData, approach: str, family: int) -> str:

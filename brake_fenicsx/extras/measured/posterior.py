@@ -23,8 +23,7 @@ import scipy.linalg as la
 from scipy.optimize import linear_sum_assignment
 
 from brake_fenicsx.arguments import Array, Complex, Index
-from brake_fenicsx.build.changes import VOIGT, moved_entries, unit_change
-from brake_fenicsx.build.material_table import constants, stiffness, varied_stiffness
+from brake_fenicsx.build import changes, material_table
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.folder.arrays import TextTable
 from brake_fenicsx.folder.log import logger
@@ -192,7 +191,7 @@ class VariedBody:
         """Assemble the body; see ``part_modes``."""
         self._table, self.highest = scene.materials[material], highest
         self._where = f"{scene.file}: materials.{material}"
-        usual, given = constants(self._table), self._table.C11 is not None
+        usual, given = material_table.constants(self._table), self._table.C11 is not None
         known = [name for name in usual if (name[0] == "C") == given]
         # Of what is zero there is no logarithm: it stays.
         self.names = [name for name in known if usual[name] > 0]
@@ -201,13 +200,13 @@ class VariedBody:
         self.nominal = np.log([usual[name] for name in self.names])
         mesh, elastic, _ = part_body(scene, part, np.zeros((1, 3)), supported)
         self._K, self._M = elastic.K, elastic.M
-        entries = moved_entries(scene, material, self.names)
-        self._index = tuple(np.array([VOIGT[entry] for entry in entries]).T)
-        directions = [unit_change(scene, mesh, material, entry) for entry in entries]
+        entries = changes.moved_entries(scene, material, self.names)
+        self._index = tuple(np.array([changes.VOIGT[entry] for entry in entries]).T)
+        directions = [changes.unit_change(scene, mesh, material, entry) for entry in entries]
         if not all(directions):
             raise SceneError(f"{self._where}: of no layer of parts.{part}; name another --material")
         self._A = affine_parts(mesh, elastic.free, directions)
-        self._C = stiffness(self._table)[self._index]
+        self._C = material_table.stiffness(self._table)[self._index]
         self._count, self._W = 0, np.zeros((elastic.M.shape[0], 0))
 
     def count(self) -> int:
@@ -218,7 +217,7 @@ class VariedBody:
         """The C_ij that change, at logarithms of the constants."""
         values = dict(zip(self.names, np.exp(theta), strict=True))
         try:
-            C = varied_stiffness(self._table, values)
+            C = material_table.varied_stiffness(self._table, values)
         except SceneError as error:  # as of nu beyond 0.5
             raise InaccurateResult(f"{self._where}: {error}") from None
         if not la.eigvalsh(C)[0] > 0:

@@ -24,8 +24,7 @@ import numpy as np
 
 from brake_fenicsx.arguments import Array, Complex, Index, Ints, Mask
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.arrays import Arrays, read_hdf5, reading
-from brake_fenicsx.folder.files import whole_file
+from brake_fenicsx.folder import arrays, files
 from brake_fenicsx.report.mode_fields import MOST
 from brake_fenicsx.results.run import RunData, read_run
 from brake_fenicsx.results.squeal import ModeKey
@@ -73,7 +72,7 @@ def export_modes(directory: str | Path | RunData) -> Path:
     sets = [_header(run), {"type": 164, **SI}, *_model(points, cells)]
     sets += [_shape(run, i, key, shape[used]) for i, (key, shape) in enumerate(stored, start=1)]
     path = run.directory / FILE
-    with whole_file(path) as part:
+    with files.whole_file(path) as part:
         pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
     return path
 
@@ -91,10 +90,10 @@ def _file(run: RunData, approach: str) -> Path:
     return run.directory / "fields" / f"modes_{approach}.vtkhdf"
 
 
-def _read(path: Path, *names: str) -> Arrays:
+def _read(path: Path, *names: str) -> arrays.Arrays:
     """Data sets of a file of fields."""
-    with reading(path, "as an HDF5 file", "`run` of the scene makes it again"):
-        return read_hdf5(path, [f"VTKHDF/{name}" for name in names])
+    with arrays.reading(path, "as an HDF5 file", "`run` of the scene makes it again"):
+        return arrays.read_hdf5(path, [f"VTKHDF/{name}" for name in names])
 
 
 def _shapes(run: RunData, approach: str) -> list[tuple[ModeKey, Complex]]:
@@ -239,7 +238,7 @@ def read_sets(file: Path, kinds: Collection[int]) -> list[dict[str, Any]]:
         SceneError: the file is missing or no universal file.
     """
     pyuff = universal_files("a test in a universal file")
-    with reading(file, "as a universal file by pyuff"):
+    with arrays.reading(file, "as a universal file by pyuff"):
         read = pyuff.UFF(str(file))
         return [
             read.read_sets(i) if kind in kinds else {"type": int(kind)}

@@ -28,18 +28,14 @@ from brake_fenicsx.description import calibrated_seconds, work_of_a_second
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
-from brake_fenicsx.results.ensemble_statistics import wilson
+from brake_fenicsx.results import ensemble_statistics, squeal, tables
 from brake_fenicsx.results.run import RunData, read_run
-from brake_fenicsx.results.squeal import least_damped
-from brake_fenicsx.results.tables import Value, write_rows
 from brake_fenicsx.samples.sampling import sample_count
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import laws_key
 
-from .budget_page import sentence, write_budget_page
-from .comparison import compare_runs
+from . import budget_page, comparison, page
 from .knobs import RESOLUTION, Knob, Variant, knobs
-from .page import Row
 from .runs import Runs, or_note
 
 REFERENCE = "reference"
@@ -101,7 +97,7 @@ def bias_and_scatter(a: Array, b: Array, paired: bool) -> tuple[float | None, fl
     return float(np.median(change)), float(change.std(ddof=1)) if change.size > 1 else None
 
 
-def entries(scene: RunData, variant: RunData, may_pair: bool) -> list[Row]:
+def entries(scene: RunData, variant: RunData, may_pair: bool) -> list[page.Row]:
     """One row for all modes of an approach together and for each family of either run.
 
     Args:
@@ -114,7 +110,7 @@ def entries(scene: RunData, variant: RunData, may_pair: bool) -> list[Row]:
         SceneError: a run holds no modes, or they have no approach in common.
     """
     rows = []
-    for c in compare_runs(scene, variant, may_pair and _same_elements(scene, variant)):
+    for c in comparison.compare_runs(scene, variant, may_pair and _same_elements(scene, variant)):
         a, b, paired = c["family_a"], c["family_b"], c["paired"] == "yes"
         whole = a is None and b is None
         row = blank(
@@ -139,10 +135,10 @@ def entries(scene: RunData, variant: RunData, may_pair: bool) -> list[Row]:
     return rows
 
 
-def statistical(scene: RunData) -> list[Row]:
+def statistical(scene: RunData) -> list[page.Row]:
     """The scene's own uncertainty: Wilson's interval, and a bootstrap of the medians."""
     rows = []
-    for c in compare_runs(scene, scene):
+    for c in comparison.compare_runs(scene, scene):
         n, p, family = c["samples_a"], c["probability_a"], c["family_a"]
         row = blank(
             knob="samples", says="the number of samples", kind="statistics", status="run",
@@ -151,7 +147,7 @@ def statistical(scene: RunData) -> list[Row]:
             frequency_hz=c["frequency_a_hz"], samples=n, probability=p, change=0.0,
         )  # fmt: skip
         if n > 1:
-            share = wilson(round(p * n), n)
+            share = ensemble_statistics.wilson(round(p * n), n)
             row["change_low"], row["change_high"] = share.low - p, share.high - p
         if family is not None and n > 1:
             values = family_values(scene, c["approach"], family).to_numpy()
@@ -162,7 +158,7 @@ def statistical(scene: RunData) -> list[Row]:
     return rows
 
 
-def extrapolate(rows: list[Row], knob: str, ratio: float, scene: RunData) -> None:
+def extrapolate(rows: list[page.Row], knob: str, ratio: float, scene: RunData) -> None:
     """Fill in order, limit and index of the second variant of a resolution, where it settles."""
     first, second = ([r for r in rows if r["variant"] == f"{knob}-{n}"] for n in (1, 2))
     before = {(r["approach"], r["family"]): r for r in first}
@@ -185,7 +181,7 @@ def extrapolate(rows: list[Row], knob: str, ratio: float, scene: RunData) -> Non
                 row[f"{name}_gci{unit}"] = limit.index
 
 
-def blank(**cells: Value) -> Row:
+def blank(**cells: tables.Value) -> page.Row:
     """A row with some cells filled."""
     return dict.fromkeys(COLUMNS) | cells
 
@@ -199,7 +195,7 @@ def family_values(run: RunData, approach: str, family: int | None) -> pd.DataFra
         family: number of the family; None: all modes.
     """
     modes = run.squeal.modes(approach)
-    own = least_damped(modes if family is None else modes[modes.family == family])
+    own = squeal.least_damped(modes if family is None else modes[modes.family == family])
     return own[[column for column, *_ in VALUES]]
 
 
@@ -281,8 +277,8 @@ def run_budget(
             why[p.name] = " ".join(note.split())
         on_first(lambda: _write(runs, varied, planned, why), comm)
     rows = on_first(lambda: _write(runs, varied, planned, why), comm)
-    logger.info("%s", sentence(rows))
-    return on_first(lambda: write_budget_page(folder, rows, Path(scene).stem), comm)
+    logger.info("%s", budget_page.sentence(rows))
+    return on_first(lambda: budget_page.write_budget_page(folder, rows, Path(scene).stem), comm)
 
 
 def _lean(file: str | Path, overrides: Sequence[str]) -> list[str]:
@@ -349,7 +345,7 @@ def _samples(scene: Scene) -> dict[str, int]:
 
 def _write(
     runs: Runs, varied: list[Knob], planned: list[Planned], why: dict[str, str]
-) -> list[Row]:
+) -> list[page.Row]:
     """The table of what has been run so far."""
     scene = read_run(runs.folder / REFERENCE)
     rows = statistical(scene)
@@ -367,9 +363,9 @@ def _write(
             extrapolate(rows, knob.name, knob.ratio, scene)
         if not knob.variants:
             rows.append(blank(**_about(knob), status="not run", reason=knob.reason))
-    write_rows(runs.folder / "budget.csv", COLUMNS, rows)
+    tables.write_rows(runs.folder / "budget.csv", COLUMNS, rows)
     return rows
 
 
-def _about(knob: Knob) -> Row:
+def _about(knob: Knob) -> page.Row:
     return {"knob": knob.name, "says": knob.says, "kind": knob.kind}

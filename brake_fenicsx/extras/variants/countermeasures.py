@@ -18,10 +18,8 @@ import numpy as np
 from brake_fenicsx.build.brake import check_brake
 from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.files import digest
+from brake_fenicsx.folder import files, processes, store
 from brake_fenicsx.folder.log import logger
-from brake_fenicsx.folder.processes import on_first
-from brake_fenicsx.folder.store import Store
 from brake_fenicsx.model import Model, prepare
 from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
 from brake_fenicsx.results.run import read_run
@@ -82,8 +80,8 @@ class Search:
         self.approach = next(a for a in ROUGH if a in samples.approaches)
         n, threshold = samples.plan(self.approach).n, stability.threshold if stability else 0.0
         ends = [[c.key, c.start, c.stop] for c in named]
-        self._mark = digest([result_digest(self.scene), self.approach, n, threshold, ends])
-        self.found: dict[str, dict[str, Any]] = on_first(self._stored, comm)
+        self._mark = files.digest([result_digest(self.scene), self.approach, n, threshold, ends])
+        self.found: dict[str, dict[str, Any]] = processes.on_first(self._stored, comm)
 
     def _stored(self) -> dict[str, dict[str, Any]]:
         folder, remedy = self.runs.folder, "choose another folder with -o"
@@ -136,7 +134,7 @@ class Search:
         if self._latest is None or self._latest[0] != ranges:
             self.release()
             runs = self.runs
-            folder = runs.folder / "models" / digest(ranges)[:12]
+            folder = runs.folder / "models" / files.digest(ranges)[:12]
             model = prepare(runs.file, runs.overrides, folder, runs.cache, ranges, runs.comm)
             self._latest = ranges, model
         return Trial(self._latest[1].study, worst, self.runs.comm, levers[0])
@@ -153,7 +151,7 @@ class Search:
 
         def search() -> None:
             trial, ends = self.trial(worst, c), (c.start, c.stop)
-            found["first_order"] = on_first(partial(trial.slope, *ends), self.runs.comm)
+            found["first_order"] = processes.on_first(partial(trial.slope, *ends), self.runs.comm)
             change = smallest_change(trial.outcomes, ends, len(worst.samples), STEPS, ACCURACY)
             found.update(value=change.value, share=[change.share.hits, change.share.n])
 
@@ -165,7 +163,7 @@ class Search:
         self.found[name] = found
         if self.runs.comm.rank == 0:
             content = {"mark": self._mark, "found": self.found}
-            Store(self.runs.folder).save_json(OUTCOMES, content)
+            store.Store(self.runs.folder).save_json(OUTCOMES, content)
 
     def worst(self) -> Worst | None:
         """Run the scene as it is: its worst family, None where nothing is to stop; collective.
@@ -174,7 +172,7 @@ class Search:
             BrakeError: the run failed.
         """
         before, approach = self.runs.run("before"), self.approach
-        worst = on_first(lambda: worst_family(read_run(before), approach), self.runs.comm)
+        worst = processes.on_first(lambda: worst_family(read_run(before), approach), self.runs.comm)
         if worst is None or few(worst.count.share.hits, worst.count.share.n):
             logger.info(
                 "%s: no family squeals in more than %.0f %% of the samples; there is nothing to"
@@ -202,7 +200,7 @@ class Search:
         if folder is None:
             return {"verified": "no"}, [f"the run failed: {note}"]
         before = self.runs.folder / "before"
-        after, loud = on_first(lambda: _compared(before, folder, worst), self.runs.comm)
+        after, loud = processes.on_first(lambda: _compared(before, folder, worst), self.runs.comm)
         shown = limits(after.hits, after.n)[1] <= MOST
         notes = ["other modes squeal"] if not few(loud.hits, loud.n) else []
         if not few(after.hits, after.n):
@@ -254,7 +252,7 @@ def find_countermeasures(
     rows = [_row(search, c, worst, rank) for rank, c in enumerate(ranked, 1)]
     if comm.rank == 0:
         print(countermeasures_text(rows))
-    return on_first(lambda: write_countermeasures(search.runs.folder, worst, rows), comm)
+    return processes.on_first(lambda: write_countermeasures(search.runs.folder, worst, rows), comm)
 
 
 def _row(search: Search, c: Countermeasure, worst: Worst, rank: int) -> Row:

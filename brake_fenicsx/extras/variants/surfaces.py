@@ -16,11 +16,7 @@ import numpy as np
 from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.micro.law import LawLibrary, LawSteps
 from brake_fenicsx.micro.library import PRESSURES
-from brake_fenicsx.report import style
-from brake_fenicsx.report.contact_figures import settings_of
-from brake_fenicsx.report.page_blocks import Block, Picture, Table, Text
-from brake_fenicsx.report.surface_figures import bearing_curves
-from brake_fenicsx.report.surface_page import parameters
+from brake_fenicsx.report import contact_figures, page_blocks, style, surface_figures, surface_page
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.tables import Value, text_table
 
@@ -60,7 +56,7 @@ def surface_rows(runs: Runs) -> list[list[Value]]:
 
 
 def _parameters(runs: Runs) -> Iterator[list[Value]]:
-    a, b = ({p.key: p for p in parameters(run)} for run in runs)
+    a, b = ({p.key: p for p in surface_page.parameters(run)} for run in runs)
     for name in (name for name in a if name in b and name not in SHIFTED):
         one, two = a[name], b[name]
         yield [name, one.unit, None, *_beside(one.value, one.error, two.value, two.error)]
@@ -134,7 +130,7 @@ def _library(run: RunData) -> LawLibrary | None:
     return LawLibrary(**arrays)
 
 
-def surface_blocks(runs: Runs, rows: Sequence[Sequence[Value]]) -> list[Block]:
+def surface_blocks(runs: Runs, rows: Sequence[Sequence[Value]]) -> list[page_blocks.Block]:
     """What a page says of two surfaces: spectra, and the table of parameters and laws.
 
     Args:
@@ -147,10 +143,10 @@ def surface_blocks(runs: Runs, rows: Sequence[Sequence[Value]]) -> list[Block]:
         " several scans of one surface differ."
     )
     return [
-        *([Text(sentence)] if (sentence := differing(rows)) else []),
-        Picture(style.drawn(lambda: draw_surfaces(runs)), CAPTION),
-        Text(f"{text} Laws of contact: {'; '.join(said)}." if said else text),
-        Table.without_empty(HEADS, list(_cells(rows))),
+        *([page_blocks.Text(sentence)] if (sentence := differing(rows)) else []),
+        page_blocks.Picture(style.drawn(lambda: draw_surfaces(runs)), CAPTION),
+        page_blocks.Text(f"{text} Laws of contact: {'; '.join(said)}." if said else text),
+        page_blocks.Table.without_empty(HEADS, list(_cells(rows))),
     ]
 
 
@@ -171,7 +167,7 @@ def _cells(rows: Sequence[Sequence[Value]]) -> Iterator[list[Value]]:
 
 def _made(run: RunData) -> str:
     """Number of laws, modulus and hardness."""
-    settings, n = settings_of(run.laws or {}), len((run.laws or {})["count"])
+    settings, n = contact_figures.settings_of(run.laws or {}), len((run.laws or {})["count"])
     hard, modulus = settings.get("hardness"), settings.get("E_star", np.nan)
     said = f"hardness {hard / 1e6:.4g} MPa" if hard else "no hardness (elastic)"
     return f"{n} laws, E* {modulus / 1e6:.4g} MPa, {said}"
@@ -187,7 +183,7 @@ def draw_surfaces(runs: Runs) -> style.Figure:
             q, C = (s["q"], s["C"]) if "q" in s else (s["spectrum_q"], s["spectrum_C"])
             spectrum.loglog(q / 1e3, C, **looks)
             if "heights" in s:
-                share, heights, _ = bearing_curves(s)
+                share, heights, _ = surface_figures.bearing_curves(s)
                 bearing.plot(100 * share, 1e6 * heights, **looks)
         if (library := _library(run)) is not None:
             p: AnyArray = np.geomspace(PRESSURES[0], PRESSURES[-1], 40)

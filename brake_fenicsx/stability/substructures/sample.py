@@ -30,11 +30,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index, Mask
 
 from ..eigensolvers.eigenpairs import times
-from .component import AtPoint, Placed
-from .contact_rows import SIGMA, ContactLinearisation, Rows
-from .parameters import Powers
-from .polynomials import Zeros, applied
-from .sample_problem import ROUND_OFF, Quotient, SampleProblem
+from . import component, contact_rows, parameters, polynomials, sample_problem
 
 # First-order moves larger than this share of the distance to the next zero are not of first order.
 CLOSE = 0.125
@@ -82,7 +78,7 @@ class Chosen:
     there: list[Index]
 
     @classmethod
-    def of(cls, bodies: Sequence[Placed], elements: Index, every: int) -> "Chosen":
+    def of(cls, bodies: Sequence[component.Placed], elements: Index, every: int) -> "Chosen":
         """Choose elements.
 
         Args:
@@ -115,9 +111,9 @@ class Chosen:
 
 
 def assembled(
-    bodies: Sequence[Placed],
-    views: Sequence[AtPoint],
-    rows: Rows,
+    bodies: Sequence[component.Placed],
+    views: Sequence[component.AtPoint],
+    rows: contact_rows.Rows,
     followed: Chosen,
     acting: Chosen | None = None,
 ) -> BlockMatrix:
@@ -168,7 +164,7 @@ def assembled(
 
 def _add(
     D: list[AnyArray],
-    coefficients: Powers,
+    coefficients: parameters.Powers,
     flat: Index,
     places: list[list[tuple[Any, Any]]],
 ) -> None:
@@ -205,7 +201,7 @@ def _square(rows: Index, columns: Index) -> tuple[Any, Any]:
 
 
 def static_compliance(
-    b: BlockMatrix, free: Mask, stiffness: Array, rows: Rows, omega: float
+    b: BlockMatrix, free: Mask, stiffness: Array, rows: contact_rows.Rows, omega: float
 ) -> tuple[Array, Array, Array]:
     """Static compliance: gaps and free coordinates; see ``macro.equilibrium.Compliance``.
 
@@ -243,13 +239,13 @@ def static_compliance(
     )
 
 
-def _at_rest(A: Iterable[AnyArray], rows: Rows) -> Array:
+def _at_rest(A: Iterable[AnyArray], rows: contact_rows.Rows) -> Array:
     """A polynomial in w at lambda = 0."""
-    w = -rows.shift if rows.damped else SIGMA
+    w = -rows.shift if rows.damped else contact_rows.SIGMA
     return np.asarray(sum(w**n * B for n, B in enumerate(A)), float)
 
 
-class Sample(SampleProblem):
+class Sample(sample_problem.SampleProblem):
     """The reduced problem of one sample.
 
     Attributes:
@@ -265,11 +261,11 @@ class Sample(SampleProblem):
 
     def __init__(
         self,
-        bodies: Sequence[Placed],
+        bodies: Sequence[component.Placed],
         x: Array,
-        views: Sequence[AtPoint],
-        contact: ContactLinearisation,
-        rows: Rows,
+        views: Sequence[component.AtPoint],
+        contact: contact_rows.ContactLinearisation,
+        rows: contact_rows.Rows,
         closed: Chosen,
         b: BlockMatrix,
     ):
@@ -292,7 +288,7 @@ class Sample(SampleProblem):
         forced = np.array([contact.after(A, rows) for A in b.lead])
         super().__init__(E, b.source, forced, b.own, rows)
 
-    def polynomial_errors(self, z: Complex, q: Quotient) -> Array:
+    def polynomial_errors(self, z: Complex, q: sample_problem.Quotient) -> Array:
         """Estimated errors of z that the polynomials of the bodies make, all of them added."""
         c, f, g = self.closed.count, len(self.rows.followed), len(self.rows.acting)
         total = np.zeros(z.size)
@@ -344,12 +340,14 @@ class Corrected:
         error: what is stated.
     """
 
-    zeros: Zeros
+    zeros: polynomials.Zeros
     slope: Array
     error: Array
 
 
-def corrected(found: Zeros, q: Quotient, interpolated: Array) -> Corrected:
+def corrected(
+    found: polynomials.Zeros, q: sample_problem.Quotient, interpolated: Array
+) -> Corrected:
     """Zeros and errors by the two-sided quotient on all vectors together.
 
     With the vectors A and B of all zeros found, B' T(z) A is diagonal but for small products, those
@@ -390,16 +388,16 @@ def corrected(found: Zeros, q: Quotient, interpolated: Array) -> Corrected:
     others = others[~np.isin(others, z[pairs].conj())]
     every = np.r_[w, others]
     gap, second = distances(every, some), distances(every, some, 2)
-    first = (q.unsolved + interpolated) * np.abs(q.slope) + ROUND_OFF
+    first = (q.unsolved + interpolated) * np.abs(q.slope) + sample_problem.ROUND_OFF
     # What zeros other than the nearest one would add to the second order.
     coupling = la.norm(products, axis=0) * la.norm(products, axis=1)
     first = (first[of] + coupling[of] / second) / new
-    zeros = Zeros(every, some, right, left)
+    zeros = polynomials.Zeros(every, some, right, left)
     simple, close = first + first**2 / gap, first + np.sqrt(first * gap)
     return Corrected(zeros, new, SAFETY * np.where(first < CLOSE * gap, simple, close))
 
 
-def moved_by_others(found: Zeros, some: Index, rest: Complex, T: Array) -> Array:
+def moved_by_others(found: polynomials.Zeros, some: Index, rest: Complex, T: Array) -> Array:
     """What each of all zeros would add to the quotients of some of them, to second order.
 
     Args:
@@ -412,7 +410,7 @@ def moved_by_others(found: Zeros, some: Index, rest: Complex, T: Array) -> Array
         Shape (zeros, chosen).
     """
     slope = [m * A for m, A in enumerate(T)][1:]
-    slopes = np.einsum("im,im->m", found.left, applied(slope, found.z, found.right))
+    slopes = np.einsum("im,im->m", found.left, polynomials.applied(slope, found.z, found.right))
     apart = np.abs(found.z[:, None] - found.z[some])
     apart[some] = np.inf
     products = np.abs(found.left.T @ rest) ** 2

@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extras.decks import keywords, nastran
 from brake_fenicsx.extras.decks.abaqus import held_along
-from brake_fenicsx.extras.decks.keywords import HARMLESS, doubts
-from brake_fenicsx.extras.decks.nastran import SHELL_NODES
 from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh, listed
 
 from .materials import ABAQUS, ANSYS, NASTRAN, SHELLS, Reader, of_solids, taken
 from .statements import Deck, Quantity, axis_key, numbers
 
 # Keywords that others refer to, also before they stand in the deck.
-_FIRST = ("COUPLING", "KINEMATIC", "RIGID BODY", "ELEMENT", *SHELL_NODES)
+_FIRST = ("COUPLING", "KINEMATIC", "RIGID BODY", "ELEMENT", *nastran.SHELL_NODES)
 # What an interaction has no more once its keyword is not understood.
 _REPLACED = {"FRICTION": ("friction", "slip"), "SURFACE BEHAVIOR": ("law", "tied")}
 
@@ -39,7 +38,7 @@ def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
         elif sign == "*DLOAD" and float(value) > 0:
             deck.add("loads", name, pressure=Quantity(float(value), "Pa"))
     readers = _READERS.get(suffix, NASTRAN)
-    harmless = HARMLESS["abaqus" if suffix == ".inp" else "nastran"]
+    harmless = keywords.HARMLESS["abaqus" if suffix == ".inp" else "nastran"]
     for block in sorted(mesh.blocks, key=lambda block: block.keyword not in _FIRST):
         if block.keyword in SHELLS and not (solid or of_solids(mesh, block)):
             kinds = ", ".join(f"{len(own)} {kind}" for kind, own in mesh.shells.items())
@@ -61,7 +60,7 @@ def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
 
 def _read(deck: Deck, block: DeckKeyword, reader: Reader, abaqus: bool) -> str | None:
     """Read a keyword: why it is not taken over, or None."""
-    why, aside = doubts(block) if abaqus else (None, [])
+    why, aside = keywords.doubts(block) if abaqus else (None, [])
     deck.unread += [(block, text) for text in aside]
     if why is not None:
         deck.forget(*_REPLACED.get(block.keyword, ()))
