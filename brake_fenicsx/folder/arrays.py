@@ -85,10 +85,8 @@ class TextTable:
             raise SceneError(f"{file}: {what}; write one heading, and a line for each row below it")
         for line, row in zip(lines[1:], rows, strict=True):
             if len(row) > len(heading):
-                raise SceneError(
-                    f"{file}: line {line}: more cells than the heading has; write decimals with a"
-                    " point, or semicolons between the cells"
-                )
+                raise SceneError(f"""{file}: line {line}: more cells than the heading has; write
+                    decimals with a point, or semicolons between the cells""")
             row += [""] * (len(heading) - len(row))
         return cls(file, heading, rows, lines[1:], "." if delimiter == "," else ",")
 

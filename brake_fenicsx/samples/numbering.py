@@ -61,10 +61,9 @@ class Numbering:
             if comm.rank == 0:
                 store.save(FILE, keys=keys)
         elif not _same(stored["keys"], keys):
-            raise SceneError(
-                f"{store.directory}: its results belong to another mesh, perhaps of another"
-                " version of gmsh or DOLFINx; choose another folder with -o, or --from equilibrium"
-            )
+            raise SceneError(f"""{store.directory}: its results belong to another mesh, perhaps of
+                another version of gmsh or DOLFINx; choose another folder with -o, or --from
+                equilibrium""")
         # That of the first run: another one may differ from it by round-off.
         kept = keys if stored is None else stored["keys"]
         self.mark: str = hashlib.sha256(np.ascontiguousarray(kept).tobytes()).hexdigest()[:16]

@@ -108,10 +108,8 @@ class ReducedModels(OfOneProcess):
             return False
         held = changes.box.holds(sample.values)
         if not held and self._by_ratio(approach):
-            raise SceneError(
-                f"stability.damping.modal: materials of a sample of {approach!r} lie outside of the"
-                " range of the reduced model, and full order has no damping ratios"
-            )
+            raise SceneError(f"""stability.damping.modal: materials of a sample of {approach!r} lie
+                outside of the range of the reduced model, and full order has no damping ratios""")
         return held
 
     def _by_ratio(self, approach: str) -> bool:
@@ -140,11 +138,9 @@ class ReducedModels(OfOneProcess):
             if any(self._by_ratio(name) for name in names):
                 raise
             if self.settings.on_tolerance != "full order":
-                raise SceneError(
-                    f'{self._scene.file}: stability.method = "reduced": {error}; write'
-                    ' stability.method = "full", or allow full order, which may cost a hundred'
-                    ' times as much, by stability.on_tolerance = "full order"'
-                ) from error
+                raise SceneError(f"""{self._scene.file}: stability.method = "reduced": {error};
+                    write stability.method = "full", or allow full order, which may cost a hundred
+                    times as much, by stability.on_tolerance = "full order" """) from error
             logger.warning("no reduced model: %s; full order", error)
             self.by_reduction |= dict.fromkeys(names, False)
             return

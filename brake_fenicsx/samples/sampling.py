@@ -247,9 +247,8 @@ def _rough(
             places = contact.points[own], contact.normal[own]
             g_cr[own] = contact_forces.draw_waviness(rough.waviness, *places, gap_rng)
         else:
-            raise SceneError(
-                f'contact.{name}.gap = "{table.gap}": there are no heights; name the stage surface'
-            )
+            raise SceneError(f"""contact.{name}.gap = "{table.gap}": there are no heights; name the
+                stage surface""")
     return contact_forces.EnrichedGap(micro.join_laws(parts), index, g_cr)
 
 
@@ -275,10 +274,9 @@ def coefficient(friction: float | FrictionLaw, speed: Array) -> tuple[Array, Arr
     with suppress(TypeError, ValueError):
         two[0], two[1] = given
     if not np.isfinite(two).all():
-        raise SceneError(
-            f"{type(friction).__name__}.coefficient returns {' '.join(repr(given).split())}; return"
-            " mu and its slope [s/m], finite numbers for each speed"
-        )
+        raise SceneError(f"""{type(friction).__name__}.coefficient returns
+            {" ".join(repr(given).split())}; return mu and its slope [s/m], finite numbers for each
+            speed""")
     return two[0], two[1]
 
 
@@ -386,10 +384,8 @@ def law_material(scene: Scene, interface: str) -> str:
         return material["lining"]
     if len(set(material.values())) == 1:
         return next(iter(material.values()))
-    raise SceneError(
-        f"parts.{part}.material: which layer's modulus scales the laws of contact.{interface} is"
-        " not said; call the layer lining"
-    )
+    raise SceneError(f"""parts.{part}.material: which layer's modulus scales the laws of
+        contact.{interface} is not said; call the layer lining""")
 
 
 def scaled_interfaces(scene: Scene) -> list[str]:
@@ -433,7 +429,6 @@ def _modulus(name: str, C: Array) -> float:
     c = engineering_constants(C)
     # Beyond the 0.5 of an isotropic material: nu_13 grows as E_3 falls at fixed nu_31.
     if not abs(c["nu_xz"]) < 1:
-        raise SceneError(
-            f"materials.{name}: nu_13 = {c['nu_xz']:.4g}: E_3 / (1 - nu_13^2) is no modulus"
-        )
+        raise SceneError(f"""materials.{name}: nu_13 = {c["nu_xz"]:.4g}: E_3 / (1 - nu_13^2) is no
+            modulus""")
     return float(c["E_z"] / (1 - c["nu_xz"] ** 2))

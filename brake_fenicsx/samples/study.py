@@ -261,10 +261,9 @@ class Study(OfOneProcess):
         models = self.models
         for key in values:
             if changes_bodies(self.scene, key) and key not in models.brake.changes.box.names:
-                raise SceneError(
-                    f"{key}: enters the matrices of the bodies; name it in [sweep.parameters] or"
-                    " [samples.random], or give its range to prepare(.., parameters={..})"
-                )
+                raise SceneError(f"""{key}: enters the matrices of the bodies; name it in
+                    [sweep.parameters] or [samples.random], or give its range to prepare(..,
+                    parameters={{..}})""")
         sample = self.sample(task, values)
         reduced = models.reduction.takes(sample)
         sample, eq = self.equilibria.of(sample, reduced, start)

@@ -173,10 +173,8 @@ def _blocks(path: Path) -> Iterator[filemesh.DeckKeyword]:
         elif line and block:
             block.rows.append([word.strip() for word in line.strip().rstrip(",").split(",")])
         elif block and block.keyword in _DATA:
-            raise SceneError(
-                f"the file ends within {block.said}, amid a line; is it whole? If so, end its last"
-                " line"
-            )
+            raise SceneError(f"""the file ends within {block.said}, amid a line; is it whole? If so,
+                end its last line""")
     if block:
         yield block
 

@@ -97,10 +97,8 @@ def _added(
             continue
         added = added_to_face(scene, face)
         if added.bedding.any() or (face in scene.masses and scene.masses[face].inertia):
-            raise SceneError(
-                f"{scene.file}: {face!r} is a set of nodes and has no area: leave out"
-                " stiffness_per_area and inertia"
-            )
+            raise SceneError(f"""{scene.file}: {face!r} is a set of nodes and has no area: leave out
+                stiffness_per_area and inertia""")
         each = sp.identity(nodes.size, format="csr") / nodes.size
         stiffness = stiffness + J.T @ sp.kron(each, added.stiffness) @ J
         mass = mass + added.mass * (J.T @ sp.kron(each, np.eye(3)) @ J)
@@ -169,10 +167,8 @@ def _eliminated(
         where = f"ties.{key}"
         (other,) = [face for face in tie.faces if face not in ends] or [""]
         if other not in mesh.faces:
-            raise SceneError(
-                f"{where}.faces = {list(tie.faces)!r}: a set of nodes is tied to a face of the"
-                " mesh; join two bodies given by matrices by springs"
-            )
+            raise SceneError(f"""{where}.faces = {list(tie.faces)!r}: a set of nodes is tied to a
+                face of the mesh; join two bodies given by matrices by springs""")
         if tie.stiffness is not None:
             raise SceneError(f"{where}.stiffness: nodes are tied exactly; leave it out")
         nodes = body.sets[ends[0].partition(".")[2]]
@@ -184,11 +180,9 @@ def _eliminated(
         if distance.max() > reach:
             i = int(distance.argmax())
             x, y, z = 1e3 * body.points[nodes[i]]
-            raise SceneError(
-                f"{where}: node at ({x:.3g}, {y:.3g}, {z:.3g}) mm of {ends[0]!r} lies"
-                f" {1e3 * distance[i]:.3g} mm from {other!r}, {1e3 * reach:.3g} mm are allowed;"
-                f' correct the units or the place, or write search = "{1.1e3 * distance[i]:.3g} mm"'
-            )
+            raise SceneError(f"""{where}: node at ({x:.3g}, {y:.3g}, {z:.3g}) mm of {ends[0]!r} lies
+                {1e3 * distance[i]:.3g} mm from {other!r}, {1e3 * reach:.3g} mm are allowed; correct
+                the units or the place, or write search = "{1.1e3 * distance[i]:.3g} mm" """)
         rows = np.broadcast_to(body.rows[nodes][:, None], columns.shape)
         share = np.broadcast_to(weights[..., None], columns.shape)
         there = columns >= 0

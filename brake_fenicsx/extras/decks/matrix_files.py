@@ -70,10 +70,8 @@ def read_matrix(path: Path) -> LabelledMatrix:
         raise SceneError("an entry is complex or not finite; real matrices are needed")
     skew = abs(A - A.T).max() / abs(A).max() if A.nnz else 0.0
     if skew > ROUND_OFF:
-        raise SceneError(
-            f"not symmetric: entries differ by {skew:.1e} of the largest; write the matrices of the"
-            " body alone, without friction and gyroscopic terms"
-        )
+        raise SceneError(f"""not symmetric: entries differ by {skew:.1e} of the largest; write the
+            matrices of the body alone, without friction and gyroscopic terms""")
     return LabelledMatrix((0.5 * (A + A.T)).tocsr(), matrix.rows)
 
 
@@ -145,11 +143,10 @@ def _columns(path: Path) -> LabelledMatrix:
             except ValueError:
                 rows.append([])
             if len(rows[-1]) not in (3, 5) or len(rows[-1]) != len(rows[0]):
-                raise SceneError(
-                    f"line {number}: {line.strip()[:60]!r}; text of three columns (row, column,"
-                    " entry) or five (node, component, node, component, entry) is read, and Matrix"
-                    " Market, Nastran DMIG and npz: convert others, to Matrix Market for example"
-                )
+                raise SceneError(f"""line {number}: {line.strip()[:60]!r}; text of three columns
+                    (row, column, entry) or five (node, component, node, component, entry) is read,
+                    and Matrix Market, Nastran DMIG and npz: convert others, to Matrix Market for
+                    example""")
     if not rows:
         raise SceneError("no entries")
     table: Array = np.array(rows)
@@ -195,9 +192,8 @@ def _dmig(path: Path) -> LabelledMatrix:
             raise SceneError("INCLUDE: write the DMIG entries into the file itself")
         deck.read_bdf(str(path), validate=False, xref=False, punch=True)
     if len(deck.dmig) != 1:
-        raise SceneError(
-            f"DMIG matrices {', '.join(deck.dmig) or 'none'}; write one matrix to each file"
-        )
+        raise SceneError(f"""DMIG matrices {", ".join(deck.dmig) or "none"}; write one matrix to
+            each file""")
     # Its entries, not its get_matrix, which in some releases fails with NumPy 2.
     A = next(iter(deck.dmig.values()))
     if A.is_complex:

@@ -39,9 +39,8 @@ def read_nastran(path: Path) -> FileMesh:
     try:
         import pyNastran.bdf.bdf  # noqa: F401
     except ImportError:
-        raise SceneError(
-            f"{path.suffix} needs pyNastran: pip install pyNastran, or convert the mesh to .msh"
-        ) from None
+        raise SceneError(f"""{path.suffix} needs pyNastran: pip install pyNastran, or convert the
+            mesh to .msh""") from None
     with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # what is wrong is raised too
         model, blocks, first = _model(path)
     solids, skins = dict[int, tuple[str, list[int]]](), dict[int, tuple[str, list[int]]]()
@@ -53,9 +52,8 @@ def read_nastran(path: Path) -> FileMesh:
         elif len(nodes) in _SOLIDS.get(own.type, ()):
             solids[number] = abaqus_scope.KINDS[len(nodes)], nodes
         else:
-            raise SceneError(
-                f"{own.type} {number} has {len(nodes)} nodes; write all middle nodes, or none"
-            )
+            raise SceneError(f"""{own.type} {number} has {len(nodes)} nodes; write all middle nodes,
+                or none""")
         groups[str(own.pid)].append(number)
     points = {n: own.get_position().tolist() for n, own in model.nodes.items()}
     mesh = numbered(points, solids, skins, groups, {})

@@ -131,10 +131,8 @@ def read_superelement(folder: Path, given: parts_section.Matrices) -> Supereleme
 def _units(given: parts_section.Matrices) -> list[float]:
     """Units of length [m], mass [kg] and time [s]."""
     if len(given.units) != 3:
-        raise SceneError(
-            f"units = {list(given.units)!r}: write those of length, mass and time in which all"
-            ' files are consistent, ["mm", "t", "s"] for N, mm and tonnes'
-        )
+        raise SceneError(f"""units = {list(given.units)!r}: write those of length, mass and time in
+            which all files are consistent, ["mm", "t", "s"] for N, mm and tonnes""")
     pairs = zip(given.units, ("m", "kg", "s"), strict=True)
     return [units.factor_to_si(unit, wanted, f"units: {unit!r}") for unit, wanted in pairs]
 
@@ -152,12 +150,10 @@ def _rows(labels: Ints, first: Labels | None, size: int, modal: int) -> Ints:
     """Row of each node's displacement in x, y, z, shape (nodes, 3)."""
     if first is None:
         if size != 3 * labels.size + modal:
-            raise SceneError(
-                f"stiffness: {size} rows, but {labels.size} nodes in the table have"
-                f" {3 * labels.size} displacements, x, y, z each, and modal = {modal}; correct the"
-                " table, write the number of modal coordinates, the last rows, or name the rows by"
-                " dofs"
-            )
+            raise SceneError(f"""stiffness: {size} rows, but {labels.size} nodes in the table have
+                {3 * labels.size} displacements, x, y, z each, and modal = {modal}; correct the
+                table, write the number of modal coordinates, the last rows, or name the rows by
+                dofs""")
         return np.arange(3 * labels.size).reshape(-1, 3)
     wanted = pd.MultiIndex.from_product([labels, (1, 2, 3)])
     rows = pd.MultiIndex.from_arrays(first.T).get_indexer(wanted)
@@ -183,9 +179,8 @@ def _nodes(path: Path) -> tuple[Ints, Array, dict[str, Ints]]:
                 continue
             where = []
         if len(where) != 3 or not np.isfinite(where).all():
-            raise SceneError(
-                f"line {number}: {','.join(cells)!r}; write node, x, y, z and the sets it is in"
-            )
+            raise SceneError(f"""line {number}: {",".join(cells)!r}; write node, x, y, z and the
+                sets it is in""")
         for name in " ".join(cells[4:]).split():
             sets.setdefault(name, []).append(len(numbers))
         numbers.append(node)
@@ -199,10 +194,8 @@ def _check_definite(body: Superelement, given: parts_section.Matrices) -> None:
     """Refuse a mass or a stiffness with eigenvalues below zero, and coordinates without mass."""
     empty = np.flatnonzero(body.M.diagonal() <= 0.0)
     if empty.size:
-        raise SceneError(
-            f"mass = {given.mass!r}: {empty.size} coordinates have no mass, row {empty[0] + 1} the"
-            " first; condense them in the other code"
-        )
+        raise SceneError(f"""mass = {given.mass!r}: {empty.size} coordinates have no mass, row
+            {empty[0] + 1} the first; condense them in the other code""")
     # Four points a cell leave a mass of quadratic tetrahedra singular: that is no mistake.
     mass = (body.M + ROUND_OFF * sp.diags(body.M.diagonal())).tocsr()
     stiffness = (body.K + BELOW * mass).tocsr()
@@ -215,9 +208,8 @@ def _check_definite(body: Superelement, given: parts_section.Matrices) -> None:
         negative = factor.negative_pivots
         factor.destroy()
         if negative:
-            raise SceneError(
-                f"{key} = {file!r}: {negative} negative eigenvalues; {wanted} is needed"
-            )
+            raise SceneError(f"""{key} = {file!r}: {negative} negative eigenvalues; {wanted} is
+                needed""")
 
 
 def doubts(body: Superelement) -> list[str]:

@@ -102,10 +102,8 @@ def _table(file: Path) -> list[Peaks]:
     table = TextTable.read(file)
     unit, *more = [name for name in table.heading if name in UNITS] or [""]
     if not unit or more or {*table.heading} - {*UNITS, "q", "specimen"}:
-        raise SceneError(
-            f"{file}: the heading is {','.join(table.heading)}; write one of {', '.join(UNITS)},"
-            " and q and specimen if there are any"
-        )
+        raise SceneError(f"""{file}: the heading is {",".join(table.heading)}; write one of
+            {", ".join(UNITS)}, and q and specimen if there are any""")
     f = UNITS[unit] * table.numbers(unit, positive=True)
     q = table.numbers("q", optional=True, positive=True)
     specimens: dict[str, list[tuple[float, float]]] = {}

@@ -71,17 +71,13 @@ def compare_runs(
     runs = read_run(a), read_run(b)
     for run in runs:
         if not _has_modes(run):
-            raise SceneError(
-                f"{run.directory}: contains no modes to compare; run the scene with the stage"
-                " stability, or both with a surface"
-            )
+            raise SceneError(f"""{run.directory}: contains no modes to compare; run the scene with
+                the stage stability, or both with a surface""")
     one, two = runs
     common = [name for name in one.approaches if name in two.approaches]
     if not common:
-        raise SceneError(
-            f"{one.directory}, {two.directory}: no approach in common"
-            f" ({', '.join(one.approaches)}; {', '.join(two.approaches)})"
-        )
+        raise SceneError(f"""{one.directory}, {two.directory}: no approach in common
+            ({", ".join(one.approaches)}; {", ".join(two.approaches)})""")
     rows = []
     for approach in common:
         seeds = [_seeds(run, approach) for run in runs]

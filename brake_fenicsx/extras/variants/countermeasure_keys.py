@@ -72,9 +72,8 @@ def with_ends(scene: Scene, read: Callable[[str], Scene]) -> Scene:
         SceneError: the key, its value and the remedy.
     """
     if not {"stability", "uncertainty"} <= {*scene.stages}:
-        raise SceneError(
-            "countermeasures: need modes of many samples; add stability and uncertainty to stages"
-        )
+        raise SceneError("""countermeasures: need modes of many samples; add stability and
+            uncertainty to stages""")
     if not scene.samples.rough:
         raise SceneError(f"countermeasures: {NO_ROUGH_SAMPLES}")
     changes: dict[str, Countermeasure] = {}
@@ -126,7 +125,5 @@ def _check_not_random(scene: Scene, name: str, where: str) -> None:
     for other in scene.samples.random:
         constants = is_constant(name) and is_constant(other) and split_key(other)[1] == table
         if constants or split_key(other) == split_key(name):
-            raise SceneError(
-                f'{where}: samples.random."{other}" is random; leave this one out, change'
-                " the distribution in a copy, run both and use brake-fenicsx compare"
-            )
+            raise SceneError(f"""{where}: samples.random."{other}" is random; leave this one out,
+                change the distribution in a copy, run both and use brake-fenicsx compare""")

@@ -67,10 +67,8 @@ class Search:
         self._latest: tuple[dict[str, list[float]], Model] | None = None
         named = self.scene.section("countermeasures")
         if not named:
-            raise SceneError(
-                f"{self.scene.file}: countermeasures: there are none; write [[countermeasures]]"
-                ' with key = "contact.NAME.friction" and to = 0.3, for example'
-            )
+            raise SceneError(f"""{self.scene.file}: countermeasures: there are none; write
+                [[countermeasures]] with key = "contact.NAME.friction" and to = 0.3, for example""")
         for c in named:
             try:
                 check_brake(self.runs.read(self.changes({c: c.stop})), comm)
@@ -90,19 +88,16 @@ class Search:
             # A call that ended at its mesh leaves a cache and a log alone.
             there = {p.name for p in folder.glob("[!.]*")} - {"cache", "log.txt"}
             if there and "before" not in there:
-                raise SceneError(
-                    f"-o {folder}: contains {min(there)!r} and no countermeasures; {remedy}"
-                )
+                raise SceneError(f"""-o {folder}: contains {min(there)!r} and no countermeasures;
+                    {remedy}""")
             return {}
         try:
             stored = json.loads(path.read_text(encoding="utf-8"))
         except ValueError:
             raise SceneError(f"{path}: damaged; remove it, and the search begins again") from None
         if stored["mark"] != self._mark:
-            raise SceneError(
-                f"-o {folder}: contains countermeasures of another scene or others of this one;"
-                f" {remedy}"
-            )
+            raise SceneError(f"""-o {folder}: contains countermeasures of another scene or others of
+                this one; {remedy}""")
         return dict(stored["found"])
 
     def changes(self, values: Mapping[Countermeasure, float]) -> list[str]:
@@ -117,10 +112,8 @@ class Search:
         behind = {sampling.law_material(scene, name) for name in names}
         if not behind.isdisjoint(split_key(key)[1] for key in constants) and scene.micro:
             if len(behind) > 1:
-                raise SceneError(
-                    f"{scene.file}: [micro] is of {' and '.join(sorted(behind))}, and follows none"
-                    " of them alone; run both scenes and use brake-fenicsx compare"
-                )
+                raise SceneError(f"""{scene.file}: [micro] is of {" and ".join(sorted(behind))}, and
+                    follows none of them alone; run both scenes and use brake-fenicsx compare""")
             stiffer = Values(scene, constants)
             sampling.check_values(ROUGH[0], stiffer)
             factor = sampling.law_factor(names[0], stiffer)

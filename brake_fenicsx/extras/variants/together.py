@@ -100,10 +100,8 @@ def find_together(
     named = {c.key: c for c in search.scene.section("countermeasures")}
     keys = [dotted(*key_parts(key)) for key in keys]
     if len({*keys}) != 2 or not named.keys() >= {*keys}:
-        raise SceneError(
-            f"--together {' '.join(keys)}: name two of the scene's countermeasures,"
-            f" {', '.join(named)}"
-        )
+        raise SceneError(f"""--together {" ".join(keys)}: name two of the scene's countermeasures,
+            {", ".join(named)}""")
     if points not in range(2, MOST_POINTS + 1):
         raise SceneError(f"--points {points}: give 2 to {MOST_POINTS} values of each number")
     # Along the first one, samples begin at each other's equilibria.

@@ -71,9 +71,8 @@ def worst_family(run: RunData, approach: str) -> Worst | None:
         return None
     found = [f for f in run.squeal.families(approach) if f.key >= 0]
     if not found or shapes is None:
-        raise SceneError(
-            f"{run.directory}: modes of a single sample belong to no family; raise samples.n"
-        )
+        raise SceneError(f"""{run.directory}: modes of a single sample belong to no family; raise
+            samples.n""")
     worst = max(found, key=lambda f: (f.share.value, -f.median))
     loud = sorted({*run.squeal.squeal_modes(approach, worst.key)["sample"]})
     every = ensemble_statistics.wilson(modes["sample"].nunique(), worst.share.n)

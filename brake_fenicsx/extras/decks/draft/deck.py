@@ -42,11 +42,9 @@ def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
     for block in sorted(mesh.blocks, key=lambda block: block.keyword not in _FIRST):
         if block.keyword in SHELLS and not (solid or of_solids(mesh, block)):
             kinds = ", ".join(f"{len(own)} {kind}" for kind, own in mesh.shells.items())
-            raise SceneError(
-                f"{block.at}: {block.said}: shells ({kinds or 'none are read'}) are no part of a"
-                " scene; add --shells solid, which makes layers of solids of them, or remove this"
-                " line if they only mark a face"
-            )
+            raise SceneError(f"""{block.at}: {block.said}: shells ({kinds or "none are read"}) are
+                no part of a scene; add --shells solid, which makes layers of solids of them, or
+                remove this line if they only mark a face""")
         if block.keyword in harmless:
             continue
         reader = readers.get(block.keyword)

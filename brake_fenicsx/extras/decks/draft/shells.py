@@ -45,9 +45,8 @@ def solid_shells(found: FileMesh, sections: Sequence[ShellSection]) -> FileMesh:
         SceneError: shells and sections of which no layer can be made.
     """
     if not sections:
-        raise SceneError(
-            "--shells solid: the file has no *SHELL SECTION, PSHELL or PCOMP; leave the option out"
-        )
+        raise SceneError("""--shells solid: the file has no *SHELL SECTION, PSHELL or PCOMP; leave
+            the option out""")
     surface = shell_surface(found, sections)
     check_edges(surface, sections)
     solid = shared_nodes(found, surface, sections)

@@ -174,7 +174,6 @@ def guessed_units(found: FileMesh, deck: Deck) -> tuple[str, str]:
             for name, r in rho.items():
                 return units, f"the density {r:g} of {name}: {r * kg / m**3:.6g} kg/m^3"
             return units, f"the extent of {extent:g}"
-    raise SceneError(
-        f"--units: missing; no usual ones fit an extent of {extent:g} and the densities"
-        f" {', '.join(f'{r:g}' for r in rho.values()) or '(none)'}; write such as --units mm t s"
-    )
+    raise SceneError(f"""--units: missing; no usual ones fit an extent of {extent:g} and the
+        densities {", ".join(f"{r:g}" for r in rho.values()) or "(none)"}; write such as --units mm
+        t s""")
