@@ -226,11 +226,7 @@ def _severe(study: Study) -> tuple[RunData, list[list[squeal.ModeKey]]]:
 
 
 def _shape_works(
-    study: Study,
-    run: RunData,
-    chosen: list[squeal.ModeKey],
-    shapes: list[Complex],
-    pictures: bool,
+    study: Study, run: RunData, chosen: list[squeal.ModeKey], shapes: list[Complex], pictures: bool
 ) -> list[Callable[[], tuple[mode_cards.ModeShape | None, list[str]]]]:
     """Works for some modes of an approach: their fields, and for each a period and its pictures.
 

@@ -318,12 +318,7 @@ class Cycles:
         self._threshold = models.stability.threshold if models.stability else 0.0
 
     def of(
-        self,
-        sample: SampleInput,
-        eq: Equilibrium,
-        modes: Modes,
-        partner: Index,
-        reduced: bool,
+        self, sample: SampleInput, eq: Equilibrium, modes: Modes, partner: Index, reduced: bool
     ) -> dict[str, Any]:
         """Limit cycles of a sample's growing modes; see ``SampleCycles.arrays``.
 

@@ -158,11 +158,7 @@ def nearest_modes(
 
 
 def _polished(
-    apply: Callable[[Array], Array],
-    V: Array,
-    sigma: float,
-    theta: Complex,
-    s: Complex,
+    apply: Callable[[Array], Array], V: Array, sigma: float, theta: Complex, s: Complex
 ) -> tuple[Complex, Complex]:
     """Eigenvalues and vectors, one of each conjugate pair, once more through A.
 

@@ -203,11 +203,7 @@ def _polished(
 
 
 def lowest_modes(
-    factor: Solves,
-    M: sp.csr_matrix,
-    cutoff: float,
-    tolerance: float = 1e-9,
-    expected: int = 0,
+    factor: Solves, M: sp.csr_matrix, cutoff: float, tolerance: float = 1e-9, expected: int = 0
 ) -> RealModes:
     """All modes below a cutoff of the pencil whose stiffness is factored.
 
