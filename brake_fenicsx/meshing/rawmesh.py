@@ -321,17 +321,13 @@ def orientation(mesh: RawMesh) -> Ints:
     """
     x = mesh.points[mesh.corners]
     if mesh.shape == "tetrahedron":
-        size = np.prod(_edges_at_corner(x), axis=1)
+        # Of the three edges at the first corner.
+        size = np.prod(np.linalg.norm(x[:, 1:4] - x[:, :1], axis=2), axis=1)
         j = _volume6(x)[:, None] / np.where(size > 0, size, 1.0)[:, None]
     else:
         j = corner_jacobians(x)
     tiny = 1e-10
     return np.where((j > tiny).all(axis=1), 1, np.where((j < -tiny).all(axis=1), -1, 0))
-
-
-def _edges_at_corner(x: Array) -> Array:
-    """Lengths of the three edges at the first corner [m], shape (cells, 3)."""
-    return np.asarray(np.linalg.norm(x[:, 1:4] - x[:, :1], axis=2))
 
 
 def _volume6(x: Array) -> Array:

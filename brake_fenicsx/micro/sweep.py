@@ -115,7 +115,10 @@ def _few_steps(
     answer = active.ElasticAnswer()
     while True:
         solved = _by_active_set(pixels, total, contact, cap, h.size)
-        while isinstance(pixels, active.HighPixels) and not _suffice(pixels, h, order, solved):
+        # Until all pixels that are not among the highest stay below the plane.
+        while isinstance(pixels, active.HighPixels) and not (
+            solved is not None and h.ravel()[order[pixels.height.size]] <= solved.d
+        ):
             pixels = _highest(space, h, order, 2 * pixels.height.size)
             contact = _translate(pixels, order, contact)
             answer = answer if isinstance(pixels, active.HighPixels) else active.ElasticAnswer()
@@ -167,13 +170,6 @@ def _highest(space: HalfSpace, h: Array, order: Index, count: int) -> active.Pix
     if space.boundary == "free" and count < min(h.size, HIGHEST):
         return active.HighPixels(space, h, order[:count])
     return active.AllPixels(space, h)
-
-
-def _suffice(
-    pixels: active.HighPixels, h: Array, order: Index, solved: active.Touching | None
-) -> bool:
-    """Whether all pixels that are not among the highest stay below the plane."""
-    return solved is not None and bool(h.ravel()[order[pixels.height.size]] <= solved.d)
 
 
 def _translate(pixels: active.Pixels, order: Index, contact: active.Touching) -> active.Touching:
