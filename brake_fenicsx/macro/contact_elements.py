@@ -154,10 +154,8 @@ def _elements(parts: Integrals, dofs: int, motion: Motion | None) -> Contact:
             jump = sign * _operator(size, row, columns[..., c], weight)
             T, R = T + sp.diags(s[:, c]) @ jump, R + sp.diags(r[:, c]) @ jump
     N, T, R = (A.tocsr() for A in (N, T, R))
-    return Contact(
-        N, T, R, parts.w, parts.g0, parts.points, n, s, speed,
-        np.zeros(parts.w.size, dtype=np.int64), parts.uncovered,
-    )  # fmt: skip
+    one = np.zeros(parts.w.size, dtype=np.int64)
+    return Contact(N, T, R, parts.w, parts.g0, parts.points, n, s, speed, one, parts.uncovered)
 
 
 def _operator(size: tuple[int, int], row: Ints, columns: Ints, values: Array) -> sp.csr_matrix:

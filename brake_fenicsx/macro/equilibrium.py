@@ -315,10 +315,9 @@ def record(
 ) -> Equilibrium:
     """What a ramp found, as an equilibrium; the clock was started at ``start`` [s]."""
     (g, _), counts, history = found
-    return Equilibrium(
-        g, *laws.loading(g), laws.vibration(g)[0], mu, tuple(counts), history[-1],
-        tuple(history), time.perf_counter() - start, u,
-    )  # fmt: skip
+    (p, k), v, steps = laws.loading(g), laws.vibration(g)[0], tuple(history)
+    seconds = time.perf_counter() - start
+    return Equilibrium(g, p, k, v, mu, tuple(counts), history[-1], steps, seconds, u)
 
 
 def solved(J: Array, b: Array, elements: int) -> Array:

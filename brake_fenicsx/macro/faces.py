@@ -292,10 +292,8 @@ def _facets(mesh: Mesh, free: FreeDofs, tag: int) -> tuple[Ints, Array, Array, A
     every = compat.cell_dofs(free.V, cells)
     dofs = np.take_along_axis(every, closure[place], axis=1)
     inside = x[nodes[cells]].mean(axis=1)
-    return (
-        generator[corner], x[corner], inside, position[dofs], columns[dofs],
-        dofs.astype(np.int64),
-    )  # fmt: skip
+    numbers = dofs.astype(np.int64)
+    return generator[corner], x[corner], inside, position[dofs], columns[dofs], numbers
 
 
 def directions_across(n: Array) -> Array:

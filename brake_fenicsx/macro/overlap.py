@@ -8,7 +8,7 @@ and the borders of the parts follow the chords.
 Common part of pairs of triangles in a plane, in batches (Sutherland-Hodgman clipping).
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -318,8 +318,4 @@ def _handed_over(disc: Face, pairs: Ints, found: Overlap) -> tuple[Overlap, Over
         found.pad[row], facet, found.on_pad[row, point][:, None], local[:, None],
         found.weight[row, point][:, None], x[:, None], -n[:, None], gap[:, None],
     )  # fmt: skip
-    stay = Overlap(
-        found.pad, found.disc, found.on_pad, found.on_disc, np.where(away, 0.0, found.weight),
-        found.x, found.n, found.gap,
-    )  # fmt: skip
-    return stay, moved
+    return replace(found, weight=np.where(away, 0.0, found.weight)), moved

@@ -121,10 +121,9 @@ def _squeal(run: RunData, pictures: ModePictures) -> list[Block]:
     found = squeal_map(run, pictures)
     if found is None:
         return []
-    table = answer.for_reading(
-        run, answer.approach_rows(run), "threshold", "most_severe",
-        squeal_modes=f"squeal modes ({run.criterion})", share="share of squeal samples",
-    )  # fmt: skip
+    rows, named = answer.approach_rows(run), f"squeal modes ({run.criterion})"
+    heads = {"squeal_modes": named, "share": "share of squeal samples"}
+    table = answer.for_reading(run, rows, "threshold", "most_severe", **heads)
     return [
         note("map", criterion=run.criterion),
         Special("map", found),

@@ -246,10 +246,9 @@ def full_modes(
     b, k = brake.contact, eq.k_vibration
     friction = contact_interface(b.N, b.T, b.w * k, mu) if mu.any() else None
     K = tangent(brake.K, b.N, b.T, b.w, k, mu)
-    return complex_modes(
-        brake.M, brake.C(sample.friction, eq.p), K, (settings.band[0], settings.band[1]),
-        zeta_max=settings.zeta_max, friction=friction, comm=comm,
-    )  # fmt: skip
+    C, zeta = brake.C(sample.friction, eq.p), settings.zeta_max
+    band = settings.band[0], settings.band[1]
+    return complex_modes(brake.M, C, K, band, zeta_max=zeta, friction=friction, comm=comm)
 
 
 def linearised(sample: SampleInput, k: Array, p: Array) -> ContactLinearisation:
@@ -310,10 +309,8 @@ def _full(
     mass = None if sample.brake.C(sample.friction, eq.p) is None else sample.brake.M
     grown = np.flatnonzero(np.array(modes.verdict, str) == "unstable")
     tolerance, masses = models.reduction.settings.tolerance, models.brake.masses
-    out = {
-        **_stored(modes, tolerance, mass, masses, more, False),
-        "vectors": modes.right[:, grown].astype(np.complex64), "vector_mode": grown,
-    }  # fmt: skip
+    out = _stored(modes, tolerance, mass, masses, more, False)
+    out |= {"vectors": modes.right[:, grown].astype(np.complex64), "vector_mode": grown}
     coordinates = models.coordinates.of(modes.right)
     if coordinates is not None:
         out["coordinates"] = coordinates.astype(np.complex64)

@@ -184,10 +184,9 @@ def _record(
     if np.any(missed[order]):
         raise NotConverged(f"""full order: relative residual {residual[order].max():.1e}, wanted
             {tolerance:.0e}""")
-    return Modes(
-        lam, f.right[:, order], left[:, order], residual[order], spread, condition[order],
-        counted_rows(lam, f.counting, zeta_max), time.perf_counter() - start, real,
-    )  # fmt: skip
+    right, left, residual = f.right[:, order], left[:, order], residual[order]
+    count, seconds = counted_rows(lam, f.counting, zeta_max), time.perf_counter() - start
+    return Modes(lam, right, left, residual, spread, condition[order], count, seconds, real)
 
 
 def counted(p: SplitProblem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: float) -> Count:

@@ -36,8 +36,7 @@ ORDER, FORCE = {8: 0, 11: 1, 12: 2}, 13
 QUANTITY = ("receptance [m/N]", "mobility [m/(s N)]", "accelerance [1/kg]")
 GRAVITY = 9.80665  # of accelerations in g
 EVENLY, MOST = 1000, 8  # frequencies of the model alone; responses of the figure
-POINTS = ("force_x_mm", "force_y_mm", "force_z_mm", "force_direction",
-          "x_mm", "y_mm", "z_mm", "direction")  # fmt: skip
+POINTS = tuple(f + w for f in ("force_", "") for w in ("x_mm", "y_mm", "z_mm", "direction"))
 UNDAMPED = """
 no damping, infinite peaks: write some, such as stability.damping.modal.%s.ratio = 0.01"""
 COLUMNS = ("response", "frequency_hz", "re_m_N", "im_m_N", "test_re_m_N", "test_im_m_N")

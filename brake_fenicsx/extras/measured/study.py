@@ -280,10 +280,9 @@ def _draw_mac(axis: style.Axes, measured: ModalTest, modes: PartModes, pairs: Pa
                 j, i, f"{pairs.mac[i, j]:.2f}", ha="center", va="center", color=dark, fontsize=6
             )
     rows = np.flatnonzero(pairs.mode >= 0)
+    side = np.array([-0.5, 0.5, 0.5, -0.5, -0.5])
     for i, j in zip(rows, pairs.mode[rows], strict=True):
-        axis.plot([j - 0.5, j + 0.5, j + 0.5, j - 0.5, j - 0.5],
-                  [i - 0.5, i - 0.5, i + 0.5, i + 0.5, i - 0.5],
-                  color=style.VERMILION, linewidth=1.2, clip_on=False)  # fmt: skip
+        axis.plot(j + side, i + np.roll(side, 1), color=style.VERMILION, lw=1.2, clip_on=False)
     axis.set_yticks(range(tests), [f"{f:.0f}" for f in measured.frequency])
     axis.set_xticks(range(count), [f"{f:.0f}" for f in modes.frequency], rotation=90)
     axis.set_ylabel("measured mode [Hz]")

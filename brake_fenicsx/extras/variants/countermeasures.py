@@ -173,10 +173,8 @@ class Search:
             )  # fmt: skip
             return None
         share = worst.count.share
-        logger.info(
-            "worst family: %.0f Hz, squeals in %d of %d samples", worst.count.frequency, share.hits,
-            share.n,
-        )  # fmt: skip
+        said = "worst family: %.0f Hz, squeals in %d of %d samples"
+        logger.info(said, worst.count.frequency, share.hits, share.n)
         return worst
 
     def verified(
@@ -199,10 +197,8 @@ class Search:
         if not few(after.hits, after.n):
             notes = ["the run does not confirm the search"]
         more = None if shown else needed(after.hits, after.n)
-        return {
-            **share_cells(after), "any_after": loud.value, "verified": "yes" if shown else "no",
-            "samples_needed": more,
-        }, notes  # fmt: skip
+        cells = {"any_after": loud.value, "verified": "yes" if shown else "no"}
+        return {**share_cells(after), **cells, "samples_needed": more}, notes
 
 
 def find_countermeasures(

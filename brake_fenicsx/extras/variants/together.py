@@ -60,8 +60,8 @@ class Grid:
         Of equal ones that after which fewer samples squeal; None where none is enough.
         """
         steps = np.add.outer(np.arange(len(self.hits)), np.arange(self.hits.shape[1]))
-        cost = np.where(self.hits <= allowed(self.samples), steps + self.hits / self.samples / 2,
-                        np.inf)  # fmt: skip
+        share = self.hits / self.samples
+        cost = np.where(self.hits <= allowed(self.samples), steps + share / 2, np.inf)
         i, j = np.unravel_index(int(np.argmin(cost)), cost.shape)
         return (int(i), int(j)) if np.isfinite(cost[i, j]) else None
 

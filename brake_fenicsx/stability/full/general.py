@@ -298,11 +298,9 @@ def damped_modes(
     if np.any((residual > tolerance) & (backward > eigenpairs.ROUND_OFF)):
         raise NotConverged(f"""damped modes: relative residual {residual.max():.1e}, wanted
             {tolerance:.0e}""")
-    return Modes(
-        s, right, left, residual, error[rows], condition[rows],
-        replace(counting, expected=s.size), time.perf_counter() - start,
-        np.zeros(s.size, dtype=bool),
-    )  # fmt: skip
+    count, seconds = replace(counting, expected=s.size), time.perf_counter() - start
+    error, condition, real = error[rows], condition[rows], np.zeros(s.size, dtype=bool)
+    return Modes(s, right, left, residual, error, condition, count, seconds, real)
 
 
 def general_modes(p: SplitProblem, high: float, zeta_max: float, tolerance: float) -> Found:

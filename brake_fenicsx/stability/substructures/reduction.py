@@ -163,10 +163,8 @@ class Reduction:
         K, C, M = self._matrices(i)
         shares = proportional(K, C, M)
         interface = interface_at(self._body, self._parameters, self._place(i))
-        body = SeenBody(
-            K, C if shares is None else None, M, self._W, self._MW, interface, self._body.loads,
-            self._rows, self._coupled,
-        )  # fmt: skip
+        given = interface, self._body.loads, self._rows, self._coupled
+        body = SeenBody(K, C if shares is None else None, M, self._W, self._MW, *given)
         points = self._points if shares is None else np.sqrt(-self._real + 0j)
 
         def work(j: int) -> AnyArray:
@@ -305,10 +303,8 @@ def _lowest_pole(
         K.shape, lambda b: complement.solve(b.reshape(-1, 1)).ravel(), dtype=float
     )
     start = inverse @ np.ones(K.shape[0])
-    (found,) = eigsh(
-        K, 1, M, sigma=-SIGMA, OPinv=inverse, v0=start, tol=POLE_TOLERANCE,
-        return_eigenvectors=False,
-    )  # fmt: skip
+    near = {"sigma": -SIGMA, "OPinv": inverse, "v0": start, "tol": POLE_TOLERANCE}
+    (found,) = eigsh(K, 1, M, return_eigenvectors=False, **near)
     complement.factor.destroy()
     return float(found)
 

@@ -153,8 +153,8 @@ def _friction(deck: Deck, block: DeckKeyword) -> str | None:
         static, kinetic, rate = given
         if not rate > 0:
             return f"a decay constant of {rate:g}"
-        own["friction"] = {"static": static, "kinetic": kinetic,
-                           "decay": Quantity(1.0 / rate, "m/s")}  # fmt: skip
+        decay = Quantity(1.0 / rate, "m/s")
+        own["friction"] = {"static": static, "kinetic": kinetic, "decay": decay}
     else:
         # What else stands in the only line of a table is where it holds.
         own["friction"] = Quantity(given[0], "")

@@ -129,11 +129,10 @@ class FileParts:
         kind, name = next(((kind, name) for kind, name in known if name), ("", ""))
         own = self._on_parts(kind, name) if kind else {}
         whole = any(len(f.corners) == len(self.boundary[p].corners) for p, f in own.items())
+        if not kind:
+            return [], "no surface or set of nodes"
         if not own or whole:
-            return [], (
-                "no surface or set of nodes" if not kind
-                else "the whole boundary of a part" if whole else "no facet of a boundary"
-            )  # fmt: skip
+            return [], "the whole boundary of a part" if whole else "no facet of a boundary"
         names: dict[str, BoundaryFacets] = {}
         for part, face in own.items():
             same, twice = self._known(face)
