@@ -328,8 +328,6 @@ def _forces(
         centre = np.asarray(force @ x / total, dtype=float)
         towards = -float(force @ along) / total
         leading = float(force[along < 0].sum() + 0.5 * force[along == 0].sum()) / total
-    return PadForces(
-        name, total, drag @ s, float(torque), float(radius), float(w[p[chosen] > 0].sum()),
-        float(w.sum()), float(p[chosen].max()), centre, towards, leading,
-        (float(edges[0]), float(edges[1])),
-    )  # fmt: skip
+    area, pressure = float(w[p[chosen] > 0].sum()), float(p[chosen].max())
+    acting = name, total, drag @ s, float(torque), float(radius), area, float(w.sum()), pressure
+    return PadForces(*acting, centre, towards, leading, (float(edges[0]), float(edges[1])))

@@ -196,10 +196,8 @@ def _by_gradients(
     elastic, top = (solved.p > 0.0) & (solved.p < cap), solved.p >= cap
     unit = space.unit_answer(elastic, np.zeros_like(h))
     points = np.concatenate([np.flatnonzero(elastic), np.flatnonzero(top)])
-    return active.Touching(
-        points, solved.p.ravel()[points], unit.ravel()[points], solved.w.ravel(), solved.d,
-        int(np.count_nonzero(top)), solved.iterations,
-    )  # fmt: skip
+    p, u, count = solved.p.ravel()[points], unit.ravel()[points], int(np.count_nonzero(top))
+    return active.Touching(points, p, u, solved.w.ravel(), solved.d, count, solved.iterations)
 
 
 def _few_step(

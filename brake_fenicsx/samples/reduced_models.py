@@ -196,11 +196,10 @@ class ReducedModels(OfOneProcess):
             return substructures.ReducedModel(known, brake.w, band, parameters)
         terms = brake.terms if damped else damping_terms.Terms()
         followed = "N" + "T" * terms.falls + "R" * terms.turns
-        bodies = substructures.split_substructures(
-            brake.K, brake.M, {"N": brake.N, "T": brake.T, "R": brake.R}, brake.unit_loads,
-            brake.changes.matrices if changing else [], terms.bulk,
-            dof_places(brake, self._body),
-        )  # fmt: skip
+        rows = {"N": brake.N, "T": brake.T, "R": brake.R}
+        changed = brake.changes.matrices if changing else []
+        given = changed, terms.bulk, dof_places(brake, self._body)
+        bodies = substructures.split_substructures(brake.K, brake.M, rows, brake.unit_loads, *given)
         if damped:
             bodies = damping_terms.with_modal_damping(self._scene, bodies, brake.masses)
         processes.release_memory()

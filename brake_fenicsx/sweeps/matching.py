@@ -95,12 +95,10 @@ class State:
         kept = np.flatnonzero(modes.s.imag > 0)
         kept = kept[np.lexsort((modes.s.real[kept], modes.s.imag[kept]))]
         right, left = (X[:, kept].astype(complex) for X in (modes.right, modes.left))
-        return cls(
-            float(x), modes.s[kept], right / np.linalg.norm(right, axis=0),
-            left / np.linalg.norm(left, axis=0), modes.error[kept],
-            modes.condition[kept], np.array(modes.verdict, dtype=str)[kept],
-            b"" if k is None else np.packbits(k == 0).tobytes(),
-        )  # fmt: skip
+        right, left = (v / np.linalg.norm(v, axis=0) for v in (right, left))
+        known = modes.error[kept], modes.condition[kept], np.array(modes.verdict, dtype=str)[kept]
+        gaps = b"" if k is None else np.packbits(k == 0).tobytes()
+        return cls(float(x), modes.s[kept], right, left, *known, gaps)
 
     @property
     def frequency(self) -> Array:

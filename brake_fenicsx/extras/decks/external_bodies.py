@@ -104,10 +104,8 @@ def _added(
         mass = mass + added.mass * (J.T @ sp.kron(each, np.eye(3)) @ J)
         damping.append(J.T @ sp.kron(each, added.damping) @ J if added.damping.any() else None)
     C = sum(term for term in damping if term is not None)
-    return replace(
-        elastic, K=stiffness.tocsr(), M=mass.tocsr(), C=C.tocsr() if sp.issparse(C) else None,
-        sets=sets, masses={**elastic.masses, name: M},
-    )  # fmt: skip
+    masses, C = {**elastic.masses, name: M}, C.tocsr() if sp.issparse(C) else None
+    return replace(elastic, K=stiffness.tocsr(), M=mass.tocsr(), C=C, sets=sets, masses=masses)
 
 
 def _lacking(
