@@ -154,12 +154,10 @@ def tagged_mesh(make: Callable[[], RawMesh], comm: MPI.Comm, table: MeshSettings
         model = discrete_model(gmsh, raw, facets)
         domain, cell_tags, facet_tags = compat.mesh_from_gmsh(model)
     volume = volumes(raw)
-    return Mesh(
-        domain, cell_tags, facet_tags, raw.layers, raw.faces, worst.worst, worst, raw.shape,
-        {n: float(volume[raw.cell_tag == tag].sum()) for n, tag in raw.layers.items()},
-        {n: extent(raw.points[raw.cells[raw.part(n)].reshape(-1)]) for n in raw.parts()},
-        raw.unread, raw,
-    )  # fmt: skip
+    filled = {n: float(volume[raw.cell_tag == tag].sum()) for n, tag in raw.layers.items()}
+    sizes = {n: extent(raw.points[raw.cells[raw.part(n)].reshape(-1)]) for n in raw.parts()}
+    tagged = domain, cell_tags, facet_tags, raw.layers, raw.faces, worst.worst, worst, raw.shape
+    return Mesh(*tagged, filled, sizes, raw.unread, raw)
 
 
 def extent(points: AnyArray) -> tuple[float, ...]:

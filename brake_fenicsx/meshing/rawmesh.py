@@ -177,12 +177,10 @@ def joined(meshes: Sequence[RawMesh]) -> RawMesh:
         cell_tag.append(_retagged(mesh.cell_tag, mesh.layers, layers))
         facet_tag.append(_retagged(mesh.facet_tag, mesh.faces, faces))
         start += len(mesh.points)
-    return RawMesh(
-        np.concatenate([m.points for m in meshes]), meshes[0].shape,
-        np.concatenate(cells), np.concatenate(cell_tag),
-        np.concatenate(facets), np.concatenate(facet_tag), layers, faces,
-        Unread(*(sum((getattr(m.unread, f.name) for m in meshes), ()) for f in fields(Unread))),
-    )  # fmt: skip
+    x, inner = np.concatenate([m.points for m in meshes]), (cells, cell_tag, facets, facet_tag)
+    a, b, c, d = map(np.concatenate, inner)
+    unread = (sum((getattr(m.unread, f.name) for m in meshes), ()) for f in fields(Unread))
+    return RawMesh(x, meshes[0].shape, a, b, c, d, layers, faces, Unread(*unread))
 
 
 def _retagged(tag: Ints, names: dict[str, int], table: dict[str, int]) -> Ints:

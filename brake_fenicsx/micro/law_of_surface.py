@@ -299,11 +299,9 @@ def law_steps(
         stop = round(TOUCHING * h.size / np.prod(coarser)) if more else None
         space = half_space_of(h, surface.size, settings.boundary)
         cap = None if settings.hardness is None else settings.hardness / E
-        steps = sweep(
-            space, h, first * h.size, highest / E * h.size,
-            whole if only is None else given(only / E * h.size),
-            settings.tolerance, cap, stop, last * (1.0 - 1e-9) * h.size,
-        )  # fmt: skip
+        loads = whole if only is None else given(only / E * h.size)
+        ends, beyond = (first * h.size, highest / E * h.size), last * (1.0 - 1e-9) * h.size
+        steps = sweep(space, h, *ends, loads, settings.tolerance, cap, stop, beyond)
         rows = _without_bulk(steps, space, settings)
         if table.size:
             rows[0] += table[0, -1] - rows[0, 0]

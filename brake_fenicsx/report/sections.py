@@ -155,10 +155,10 @@ def appendix_sections(run: RunData, cards: Sequence[Card] = ()) -> list[Section]
         run: the results; pictures are read from its ``figures`` folder.
         cards: mode shapes that are not shown before the appendix.
     """
-    own = [] if of_surface(run) else [
-        Section("surface", "Surface", surface_blocks(run)),
-        Section("laws", "Contact laws", law_blocks(run)),
-    ]  # fmt: skip
+    own = []
+    if not of_surface(run):
+        own = [Section("surface", "Surface", surface_blocks(run))]
+        own.append(Section("laws", "Contact laws", law_blocks(run)))
     return [
         Section("more-shapes", "Mode shapes of less severe families",
                 [Special("shapes", cards)] if cards else []),

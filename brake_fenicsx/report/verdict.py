@@ -63,11 +63,10 @@ def make_verdict(run: RunData, pictures: ModePictures) -> Verdict:
     more += _failure(run, counted)
     others = [name for name in families if name != run.lead]
     more += [_other(run, run.squeal.count(name), families[name]) for name in others]
-    return Verdict(
-        text, level, _limits(run, counted), more, [*filter(None, [open_points(run)]), *warnings],
-        [family_card(run, f, pictures, rank) for rank, f in enumerate(chosen, start=1)],
-        [*_doublets(run, chosen), *_worse(run, chosen)], facts,
-    )  # fmt: skip
+    warnings = [*filter(None, [open_points(run)]), *warnings]
+    cards = [family_card(run, f, pictures, rank) for rank, f in enumerate(chosen, start=1)]
+    notes = [*_doublets(run, chosen), *_worse(run, chosen)]
+    return Verdict(text, level, _limits(run, counted), more, warnings, cards, notes, facts)
 
 
 def warnings_of(run: RunData) -> tuple[list[str], list[str]]:

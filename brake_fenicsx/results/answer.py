@@ -80,11 +80,10 @@ def error_rows(run: RunData) -> list[ErrorRow]:
         return rows
     for approach in run.approaches:
         mine = np.asarray(modes["approach"] == approach)
-        rows.append(ErrorRow.of(
-            approach, int(mine.sum()), *_quantiles(modes["residual"], mine, 0.5, 1.0),
-            *_quantiles(run.errors, mine, 0.5, 0.95, 1.0),
-            *_quantiles(modes["condition"], mine, 1.0),
-        ))  # fmt: skip
+        residual = _quantiles(modes["residual"], mine, 0.5, 1.0)
+        error = _quantiles(run.errors, mine, 0.5, 0.95, 1.0)
+        condition = _quantiles(modes["condition"], mine, 1.0)
+        rows.append(ErrorRow.of(approach, int(mine.sum()), *residual, *error, *condition))
     return rows
 
 
@@ -264,11 +263,10 @@ def approach_rows(run: RunData) -> list[ApproachRow]:
     for approach in run.approaches:
         c = run.squeal.count(approach)
         families = "; ".join(map(_family_text, run.squeal.families(approach)[:NAMED]))
-        rows.append(ApproachRow.of(
-            approach, c.samples, c.failed, c.modes, c.unstable, c.neutral, run.threshold, c.squeal,
-            c.squeal_samples, *share_cells(ensemble_statistics.wilson(c.squeal_samples, c.samples)),
-            families or "none",
-        ))  # fmt: skip
+        modes = c.samples, c.failed, c.modes, c.unstable, c.neutral
+        squeals = run.threshold, c.squeal, c.squeal_samples
+        share = share_cells(ensemble_statistics.wilson(c.squeal_samples, c.samples))
+        rows.append(ApproachRow.of(approach, *modes, *squeals, *share, families or "none"))
     return rows
 
 

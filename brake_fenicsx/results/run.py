@@ -272,8 +272,8 @@ def save_tables(store: Store, name: str, tables: Mapping[str, Columns]) -> None:
         name: of the file.
         tables: columns by the name of their table.
     """
-    store.save(name, **{f"{table}/{column}": values for table, columns in tables.items()
-                        for column, values in columns.items()})  # fmt: skip
+    every = ((f"{t}/{c}", values) for t, columns in tables.items() for c, values in columns.items())
+    store.save(name, **dict(every))
 
 
 def read_tables(path: Path) -> dict[str, Columns]:

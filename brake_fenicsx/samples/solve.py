@@ -340,15 +340,12 @@ def _stored(
         unstable = np.array(modes.verdict, str) == "unstable"
         partners = damped_partners(modes.s, modes.right, mass, unstable)
     shares = energy_shares(masses, modes.right)
-    out: Arrays = {
-        "s": modes.s, "residual": modes.residual, "error": modes.error,
-        "condition": modes.condition, "verdict": np.array(modes.verdict, dtype=str),
-        "damping": modes.damping, "expected": modes.count.expected,
-        "count_kind": modes.count.kind, "counted": modes.count.how,
-        "tolerance_missed": _missed(modes, tolerance), "stability_seconds": modes.seconds,
-        "partner": partners, "layers": np.array(list(shares), dtype=str),
-        "shares": np.array(list(shares.values())).reshape(len(shares), len(modes)),
-    }  # fmt: skip
+    out: Arrays = {n: getattr(modes, n) for n in ("s", "residual", "error", "condition", "damping")}
+    out |= {"expected": modes.count.expected, "count_kind": modes.count.kind}
+    out |= {"counted": modes.count.how, "verdict": np.array(modes.verdict, dtype=str)}
+    out |= {"tolerance_missed": _missed(modes, tolerance), "stability_seconds": modes.seconds}
+    out |= {"partner": partners, "layers": np.array(list(shares), dtype=str)}
+    out["shares"] = np.array(list(shares.values())).reshape(len(shares), len(modes))
     lost: list[str] = []
     for name, make in more:
         made, missing = spared(name, partial(make, modes, partners, by_reduction))

@@ -207,13 +207,10 @@ class Study(OfOneProcess):
         reduced = own and models.reduction.takes(sample)
         start = self._first_gaps(sample.approach) if k and reduced else None
         sample, eq = self.equilibria.of(sample, reduced, start)
-        out: dict[str, Any] = {
-            "mu_equilibrium": sample.friction.equilibrium,
-            "g": eq.g, "g_cr": sample.laws.g_cr, "p": eq.p, "k": eq.k,
-            "k_vibration": eq.k_vibration, "law": sample.laws.index,
-            "equilibrium_iterations": sum(eq.iterations), "equilibrium_residual": eq.residual,
-            "equilibrium_seconds": eq.seconds,
-        }  # fmt: skip
+        out: dict[str, Any] = {n: getattr(eq, n) for n in ("g", "p", "k", "k_vibration")}
+        out |= {"mu_equilibrium": sample.friction.equilibrium, "g_cr": sample.laws.g_cr}
+        out |= {"law": sample.laws.index, "equilibrium_iterations": sum(eq.iterations)}
+        out |= {"equilibrium_residual": eq.residual, "equilibrium_seconds": eq.seconds}
         contact = sample.brake.contact
         out["beyond_laws"] = sample.laws.beyond(eq.p, contact.w)
         if contact is not self.brake.contact:

@@ -42,11 +42,8 @@ def check_consistent(s: Scene) -> None:
     Raises:
         SceneError: the key, its value and the remedy.
     """
-    rules = (
-        _names, _stages, _surface, part_mistakes, _contact, face_mistakes, _motion,
-        damping_mistakes, _varied, _sweep, _approaches,
-    )  # fmt: skip
-    for rule in rules:
+    bodies = _names, _stages, _surface, part_mistakes, _contact, face_mistakes, _motion
+    for rule in (*bodies, damping_mistakes, _varied, _sweep, _approaches):
         for text in rule(s):
             raise SceneError(text)
 

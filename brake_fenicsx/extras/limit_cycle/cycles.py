@@ -243,13 +243,11 @@ class SampleCycles:
         last = np.linalg.norm(at.y[:, -1]) / np.linalg.norm(at.y[:, 1])
         mu = exponents(problem, at) if cycle.kind == STABLE else np.full(2, np.nan + 0j)
         largest = mu[1 + np.argmax(mu[1:].real)]
-        values = (
-            1e6 * at.amplitude, 0.5e6 * float(np.ptp(gap, axis=1).max()), omega / (2 * np.pi),
-            *numbers, float(opens.sum() / self.closed.sum()),
-            float(yields.sum() / self.closed.sum()), float(ratio), time_to_reach(branch, cycle),
-            level, level + AT_ONE_METRE, float(last), largest.real, abs(mu[0].real),
-            largest.imag / (2 * np.pi),
-        )  # fmt: skip
+        sizes = 1e6 * at.amplitude, 0.5e6 * float(np.ptp(gap, axis=1).max()), omega / (2 * np.pi)
+        shares = (float(x.sum() / self.closed.sum()) for x in (opens, yields))
+        slow = float(ratio), time_to_reach(branch, cycle), level, level + AT_ONE_METRE
+        rest = float(last), largest.real, abs(mu[0].real), largest.imag / (2 * np.pi)
+        values = *sizes, *numbers, *shares, *slow, *rest
         return dict(zip(MEASURES, values, strict=True))
 
     def arrays(self, modes: Modes, settings: LimitCycle, threshold: float) -> dict[str, Any]:

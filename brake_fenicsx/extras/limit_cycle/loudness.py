@@ -119,11 +119,10 @@ def _family(members: pd.DataFrame) -> list[Any]:
     words += ["no end"] * int(members.outcome.str.startswith("none").sum())
     outcomes = ", ".join(f"{n} {word}" for word, n in Counter(words).most_common())
     growth = (2 * members.linear_alpha_1_s / members.linear_frequency_hz).median()
-    return [
-        members.approach.iloc[0], members.family.iloc[0], members.linear_frequency_hz.mean(),
-        members["sample"].nunique(), len(first), *level, heard.disc_mm_s.quantile(),
-        heard.gap_um.quantile(), None, None, outcomes, growth, len(heard) > 0,
-    ]  # fmt: skip
+    of = members.approach.iloc[0], members.family.iloc[0], members.linear_frequency_hz.mean()
+    motion = heard.disc_mm_s.quantile(), heard.gap_um.quantile()
+    loud = members["sample"].nunique(), len(first), *level, *motion, None, None
+    return [*of, *loud, outcomes, growth, len(heard) > 0]
 
 
 def cycle_blocks(run: RunData) -> list[Block]:

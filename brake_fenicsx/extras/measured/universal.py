@@ -225,10 +225,8 @@ def read_modes(path: str | Path) -> ModalTest:
         raise SceneError(f"{file}: dataset 55: a mode is zero or not finite; export it again")
     points, axes = (np.array(of) for of in zip(*(place[n] for n in labels), strict=True))
     s = np.array([mode.s for mode in modes])
-    return ModalTest(
-        file, np.array(labels), points, axes, np.any(shapes != 0, axis=0), s.imag / (2 * np.pi),
-        -s.real / np.abs(s), shapes,
-    )  # fmt: skip
+    measured, frequency, damping = shapes.any(axis=0), s.imag / (2 * np.pi), -s.real / np.abs(s)
+    return ModalTest(file, np.array(labels), points, axes, measured, frequency, damping, shapes)
 
 
 def read_sets(file: Path, kinds: Collection[int]) -> list[dict[str, Any]]:

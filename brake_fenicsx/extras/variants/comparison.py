@@ -161,11 +161,10 @@ def _row(approach: str, a: Side, b: Side, mac: float | None, paired: bool) -> pa
     """One line of the comparison."""
     change, low, high = difference(a.squeal, b.squeal, paired and a.squeal.size == b.squeal.size)
     chance = min(a.squeal.size, b.squeal.size) > 1
-    cells = (
-        approach, a.number, b.number, mac, a.frequency, b.frequency, a.squeal.size, b.squeal.size,
-        float(a.squeal.mean()), float(b.squeal.mean()), change, low if chance else None,
-        high if chance else None, "yes" if paired else "no", a.damping, b.damping,
-    )  # fmt: skip
+    both = a.number, b.number, mac, a.frequency, b.frequency, a.squeal.size, b.squeal.size
+    ends = (low, high) if chance else (None, None)
+    shares = float(a.squeal.mean()), float(b.squeal.mean()), change, *ends
+    cells = approach, *both, *shares, "yes" if paired else "no", a.damping, b.damping
     return dict(zip(COLUMNS, cells, strict=True))
 
 
