@@ -32,10 +32,9 @@ OPTIONS = ("brake-fenicsx", "-skip_petscrc", "-no_signal_handler")
 # Sections of a scene that make the mesh.
 BODIES = ("parts", "mesh", "contact")
 # Whose versions a run records, if it used them.
-LIBRARIES = (
-    "numpy", "scipy", "dolfinx", "mpi4py", "petsc4py", "slepc4py", "gmsh", "meshio", "h5py", "pint",
-    "SurfaceTopography", "pyfftw", "SALib", "matplotlib", "pyvista", "pyuff",
-)  # fmt: skip
+MECHANICS = "numpy", "scipy", "dolfinx", "mpi4py", "petsc4py", "slepc4py", "gmsh", "meshio"
+OTHERS = "SurfaceTopography", "pyfftw", "SALib", "matplotlib", "pyvista", "pyuff"
+LIBRARIES = *MECHANICS, "h5py", "pint", *OTHERS
 
 CPUINFO, MAPS = Path("/proc/cpuinfo"), Path("/proc/self/maps")
 

@@ -61,15 +61,14 @@ START = 0.3
 LOSS = 0.02
 
 # Columns of what is measured of a cycle.
-MEASURES = (
-    "amplitude_um", "gap_um", "frequency_hz", "disc_um", "disc_mm_s", "pad_um", "pad_mm_s",
-    "open_share", "yield_share", "slip_over_speed", "time_s", "sound_power_db", "level_1m_db",
-    "harmonics_left_out", "exponent_1_s", "exponent_error_1_s", "exponent_hz",
-)  # fmt: skip
-
-# Measures of how loud a cycle is: of outcomes that may be what is heard. What takes the place of
-# another one is not computed, and may be several times as large.
 SOUND = ("sound_power_db", "level_1m_db")
+MOTION = "amplitude_um", "gap_um", "frequency_hz", "disc_um", "disc_mm_s", "pad_um", "pad_mm_s"
+SHARES = "open_share", "yield_share", "slip_over_speed", "time_s"
+EXPONENTS = "harmonics_left_out", "exponent_1_s", "exponent_error_1_s", "exponent_hz"
+MEASURES = *MOTION, *SHARES, *SOUND, *EXPONENTS
+
+# Outcomes that may be what is heard. What takes the place of another one is not computed, and may
+# be several times as large.
 HEARD = (STABLE, UNDECIDED, UNDAMPED)
 
 DENSITY, SPEED = 1.204, 343.2  # of air at 20 C [kg/m^3], [m/s]

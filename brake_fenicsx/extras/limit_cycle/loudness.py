@@ -50,11 +50,9 @@ HEADS = (
 MODE = ("approach", "sample", "family", "mode")
 CYCLES = (*MODE, "linear_frequency_hz", "linear_alpha_1_s", "outcome", *MEASURES)
 GROWTH = (*MODE, "amplitude_um", "alpha_1_s", "frequency_hz")
-FAMILIES = (
-    "approach", "family", "frequency_hz", "growing_samples", "cycles", "level_1m_db_5",
-    "level_1m_db_50", "level_1m_db_95", "disc_mm_s_50", "gap_um_50", "rank_by_loudness",
-    "rank_by_damping", "outcomes",
-)  # fmt: skip
+OF = "approach", "family", "frequency_hz", "growing_samples", "cycles"
+LOUD = "level_1m_db_5", "level_1m_db_50", "level_1m_db_95", "disc_mm_s_50", "gap_um_50"
+FAMILIES = *OF, *LOUD, "rank_by_loudness", "rank_by_damping", "outcomes"
 # Numbers that families are ranked by, one after the other where those before are missing or equal.
 LOUDNESS = ("level_1m_db", "disc_mm_s", "gap_um")
 

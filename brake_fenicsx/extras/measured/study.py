@@ -38,10 +38,8 @@ REMEDY = (
     "correct the unit (dataset 164, metres if there is none), or give nodes in the axes of the"
     " scene"
 )
-COLUMNS = (
-    "test_mode", "test_frequency_hz", "test_damping_ratio", "model_mode", "model_frequency_hz",
-    "difference", "mac", "combined",
-)  # fmt: skip
+TESTED = "test_mode", "test_frequency_hz", "test_damping_ratio"
+COLUMNS = *TESTED, "model_mode", "model_frequency_hz", "difference", "mac", "combined"
 
 
 @dataclass(frozen=True, slots=True)

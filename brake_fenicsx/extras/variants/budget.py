@@ -45,14 +45,13 @@ REFERENCE = "reference"
 VALUES = (("frequency_hz", "frequency", "_hz"), ("damping", "damping", ""))
 SAFETY = 1.25  # of the index, for three grids
 BOOTSTRAP = 400  # resamples
-COLUMNS = (
-    "knob", "says", "kind", "variant", "change_made", "status", "reason", "approach", "family",
-    "family_variant", "frequency_hz", "samples", "samples_variant", "probability",
-    "probability_variant", "change", "change_low", "change_high", "paired", "frequency_bias_hz",
-    "frequency_scatter_hz", "damping_bias", "damping_scatter", "frequency_order",
-    "frequency_limit_hz", "frequency_gci_hz", "damping_order", "damping_limit", "damping_gci",
-    "seconds", "memory_mb",
-)  # fmt: skip
+WHAT = "knob", "says", "kind", "variant", "change_made", "status", "reason", "approach", "family"
+COUNTED = "family_variant", "frequency_hz", "samples", "samples_variant", "probability"
+CHANGE = "probability_variant", "change", "change_low", "change_high", "paired"
+MOVED = "frequency_bias_hz", "frequency_scatter_hz", "damping_bias", "damping_scatter"
+LIMITS = "frequency_order", "frequency_limit_hz", "frequency_gci_hz", "damping_order"
+LAST = "damping_limit", "damping_gci", "seconds", "memory_mb"
+COLUMNS = *WHAT, *COUNTED, *CHANGE, *MOVED, *LIMITS, *LAST
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,15 +27,13 @@ from .surfaces import COLUMNS as SURFACE_COLUMNS
 from .surfaces import surface_blocks, surface_rows, surface_text
 
 Shapes = dict[str, AnyArray]
-COLUMNS = (
-    "approach", "family_a", "family_b", "mac", "frequency_a_hz", "frequency_b_hz", "samples_a",
-    "samples_b", "probability_a", "probability_b", "change", "change_low", "change_high",
-    "paired", "median_damping_a", "median_damping_b",
-)  # fmt: skip
-HEADS = (
-    "approach", "family", "frequency in A [kHz]", "in B [kHz]", "samples that squeal in A",
-    "in B", "change (95 % interval)", "median damping in A", "in B", "MAC",
-)  # fmt: skip
+BOTH = "frequency_a_hz", "frequency_b_hz", "samples_a", "samples_b", "probability_a"
+CHANGE = "probability_b", "change", "change_low", "change_high", "paired"
+DAMPING = "median_damping_a", "median_damping_b"
+COLUMNS = "approach", "family_a", "family_b", "mac", *BOTH, *CHANGE, *DAMPING
+SHOWN = "frequency in A [kHz]", "in B [kHz]", "samples that squeal in A", "in B"
+LAST = "change (95 % interval)", "median damping in A", "in B", "MAC"
+HEADS = "approach", "family", *SHOWN, *LAST
 
 
 @dataclass(frozen=True, slots=True)

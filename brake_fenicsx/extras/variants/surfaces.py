@@ -21,14 +21,10 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.tables import Value, text_table
 
 Runs = tuple[RunData, RunData]
-COLUMNS = (
-    "quantity", "unit", "pressure_Pa", "a", "a_error", "b", "b_error", "ratio", "ratio_error",
-    "standard_errors",
-)  # fmt: skip
-HEADS = (
-    "quantity", "A", "standard error", "B", "standard error", "B / A", "standard error",
-    "difference / standard error", "unit",
-)  # fmt: skip
+BOTH = "a", "a_error", "b", "b_error", "ratio", "ratio_error", "standard_errors"
+COLUMNS = "quantity", "unit", "pressure_Pa", *BOTH
+SHOWN = "A", "standard error", "B", "standard error", "B / A", "standard error"
+HEADS = "quantity", *SHOWN, "difference / standard error", "unit"
 # What a library says of its laws at a pressure: its name, unit, SI in it, attribute.
 AT = (
     ("separation", "µm", 1e6, "d"),

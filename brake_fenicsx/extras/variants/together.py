@@ -31,8 +31,8 @@ from .page import Row, page_of_changes
 from .trial import MOST, Worst, allowed, limits
 
 MOST_POINTS = 50  # along one side
-COLUMNS = ("value_1", "value_2", "squeal", "samples", "share", "share_low", "share_high", "enough",
-           "smallest")  # fmt: skip
+SHARE = "squeal", "samples", "share", "share_low", "share_high"
+COLUMNS = "value_1", "value_2", *SHARE, "enough", "smallest"
 HEADS = ("smallest change of both", "samples that squeal (exact 90 % interval)",
          "in a run with it", "any family", "verified by a run", "note")  # fmt: skip
 
