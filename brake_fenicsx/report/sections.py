@@ -141,11 +141,10 @@ SPEED_HEADS = {
     "seconds_per_equilibrium": "equilibrium [s per sample]",
     "seconds_per_stability": "modes [s per sample]",
 }
-SHOWN = {  # of the summary, elsewhere on the page
-    "settings", "in_effect", "versions", "seeds", "seconds", "peak_memory_mb", "process_memory_mb",
-    "samples",
-    "name", "warnings", "friction", "contact_forces", "finished", "scene_sha256",
-}  # fmt: skip
+# Of the summary, elsewhere on the page.
+NUMBERS = "versions", "seeds", "seconds", "peak_memory_mb", "process_memory_mb", "samples"
+OTHERS = "name", "warnings", "friction", "contact_forces", "finished", "scene_sha256"
+SHOWN = {"settings", "in_effect", *NUMBERS, *OTHERS}
 
 
 def appendix_sections(run: RunData, cards: Sequence[Card] = ()) -> list[Section]:
