@@ -47,7 +47,7 @@ TYPE_CHECKING = False  # as in typing, whose import would take longer than all e
 if TYPE_CHECKING:
     from .model import Model, prepare, sample, sweep
     from .pipeline import assemble, run
-    from .sweeps.followed import Branches
+    from .sweeps.sweep_study import Branches
 
 __version__ = "0.3.0"
 __all__ = ["Branches", "Model", "assemble", "prepare", "run", "sample", "sweep"]
@@ -58,7 +58,7 @@ __all__ = ["Branches", "Model", "assemble", "prepare", "run", "sample", "sweep"]
 def __getattr__(name: str) -> object:
     """Functions of the package."""
     if name in __all__:
-        homes = {"assemble": "pipeline", "run": "pipeline", "Branches": "sweeps.followed"}
+        homes = {"assemble": "pipeline", "run": "pipeline", "Branches": "sweeps.sweep_study"}
         return getattr(import_module(f"{__name__}.{homes.get(name, 'model')}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

@@ -12,10 +12,10 @@ from scipy.fft import next_fast_len
 
 from brake_fenicsx.errors import SceneError, lines
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.contact_section import MAX_PIXELS
 from brake_fenicsx.scene.keys import dotted
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.scene import active_terms, own_surface, rubs, slides
-from brake_fenicsx.scene.surface_section import MAX_PIXELS
 from brake_fenicsx.scene.warnings import unusual
 
 if TYPE_CHECKING:
@@ -199,7 +199,7 @@ def _coarse_patch(scene: Scene, stats: SurfaceStatistics) -> Iterator[str]:
 
 def _too_smooth(scene: Scene, stats: SurfaceStatistics) -> Iterator[str]:
     """The pad of a brake that is smoother than any lining: heights in a wrong unit, as a rule."""
-    from brake_fenicsx.surface.iso25178 import gradients
+    from brake_fenicsx.surface.hdf import gradients
 
     slopes = [gradients(t.heights, t.pixel)[0] for t in stats.topographies]
     rough = stats.S_q >= MIN_ROUGHNESS[0] and min(slopes, default=1.0) >= MIN_ROUGHNESS[1]

@@ -1,24 +1,23 @@
 """The command line: a command, how it ended, and the status that says so."""
 
-from __future__ import annotations
-
 import os
 import sys
 
-from brake_fenicsx.folder.kernels import best_kernels
-
-# One BLAS thread per process, and kernels for the processor, before any library is loaded.
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
-# Where NumPy is loaded already, child processes shall take the same kernels as this one.
-if "numpy" not in sys.modules and (_kernels := best_kernels()) is not None:
-    os.environ.setdefault("OPENBLAS_CORETYPE", _kernels)
-
 INTERRUPTED = "brake-fenicsx: interrupted; the same command resumes the run"
 try:
+    from brake_fenicsx.libraries import best_kernels
+
+    # One BLAS thread per process, and kernels for the processor, before any library is loaded.
+    for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(_name, "1")
+    # Where NumPy is loaded already, child processes shall take the same kernels as this one.
+    if "numpy" not in sys.modules and (_kernels := best_kernels()) is not None:
+        os.environ.setdefault("OPENBLAS_CORETYPE", _kernels)
+
+    import argparse
     import traceback
     from collections.abc import Sequence
-    from typing import TYPE_CHECKING, Any
+    from typing import Any
 
     from brake_fenicsx.commands import parser
     from brake_fenicsx.errors import BrakeError, SceneError, StorageError
@@ -27,9 +26,6 @@ except KeyboardInterrupt:
     # Ctrl-C in the first moments; no other module is sure to be there.
     os.write(2, f"{INTERRUPTED}\n".encode())
     raise SystemExit(130) from None
-
-if TYPE_CHECKING:
-    import argparse
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -133,7 +129,7 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
     level = "WARNING" if options.quiet else "DEBUG" if options.verbose else "INFO"
     start_log(comm.rank, level=level)
     if petsc:
-        from brake_fenicsx.petsc import start_petsc
+        from brake_fenicsx.libraries import start_petsc
 
         start_petsc(petsc)
     command = options.command

@@ -208,7 +208,7 @@ class _Version(argparse.Action):
         super().__init__(option_strings, dest, nargs=0, help=help)
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
-        from brake_fenicsx.results.versions import solver_versions
+        from brake_fenicsx.libraries import solver_versions
 
         print("\n".join(f"{name} {number}" for name, number in solver_versions().items()))
         parser.exit()

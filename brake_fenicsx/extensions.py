@@ -36,10 +36,9 @@ if TYPE_CHECKING:
 
 GROUP, OWN = "brake_fenicsx.extras", "brake_fenicsx.extensions"
 # Endings of mesh files of which init writes a first scene.
-MESH_FILES = frozenset({
-    ".inp", ".cdb", ".bdf", ".nas", ".fem", ".msh", ".med", ".vtu", ".vtk", ".exo", ".e", ".mesh",
-    ".cgns", ".mdpa", ".xdmf",
-})  # fmt: skip
+DECKS = ".inp", ".cdb", ".bdf", ".nas", ".fem"
+MESHES = ".msh", ".med", ".vtu", ".vtk", ".exo", ".e", ".mesh", ".cgns", ".mdpa", ".xdmf"
+MESH_FILES = frozenset({*DECKS, *MESHES})
 # What the extras of this program answer to, for who has the core alone.
 OURS = {
     "decks": (".inp", ".cdb", ".bdf", ".nas", ".fem", "init", "matrices"),

@@ -1,7 +1,5 @@
 """A scene prepared once, and its modes at any values of its scalars: for scripts and notebooks."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
@@ -9,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mpi4py import MPI
 
@@ -22,23 +20,20 @@ from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.executor import Source, loaded, samples_elsewhere, samples_here
 from brake_fenicsx.extensions import Extensions
-from brake_fenicsx.folder.files import SharedCache
-from brake_fenicsx.folder.lock import Share
+from brake_fenicsx.folder import files, lock
 from brake_fenicsx.folder.store import Store, check_folder
+from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.pipeline import before_samples, make_study
+from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.keys import KeyMistake
 from brake_fenicsx.scene.read import from_text, scene_text, toml_text, with_objects
 from brake_fenicsx.scene.samples_section import Range, Sweep, unit_of
 from brake_fenicsx.scene.scalars import check_scalar, meant, si_unit
+from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stages import Run
-from brake_fenicsx.sweeps.followed import Branches
-
-if TYPE_CHECKING:
-    from brake_fenicsx.macro.equilibrium import Equilibrium
-    from brake_fenicsx.samples.study import Study
-    from brake_fenicsx.stability.modes import Modes
+from brake_fenicsx.sweeps.sweep_study import Branches
 
 Array = NDArray[np.float64]
 
@@ -211,7 +206,7 @@ class Model:
         """
         from brake_fenicsx.sweeps.branches import follow
         from brake_fenicsx.sweeps.events import find_events
-        from brake_fenicsx.sweeps.state import Points
+        from brake_fenicsx.sweeps.matching import Points
 
         unit = _unit(self.scene, key)
         x = listed("values", values, unit)
@@ -323,7 +318,7 @@ def entered(source: Source) -> Study:
         SceneError: the folder is of another scene.
     """
     store = Store(Path(source.directory))
-    store.share = Share(1, 1)
+    store.share = lock.Share(1, 1)
     scene = from_text(source.table) if source.table else source.scene
     parsed = read_scene(scene, source.overrides, Path(source.scene).parent)
     return _prepared(_with_ranges(parsed, dict(source.parameters)), store, MPI.COMM_SELF)
@@ -347,7 +342,7 @@ def _prepared(
 ) -> Study:
     """Brake, laws and reduced model, made or loaded from the folder; collective."""
     if comm.size == 1 and "mpi4py.futures" in sys.modules:
-        from brake_fenicsx.petsc import start_petsc
+        from brake_fenicsx.libraries import start_petsc
 
         # PETSc starts on all processes together, and those of a pool wait for work elsewhere.
         start_petsc(comm=comm)
@@ -355,7 +350,7 @@ def _prepared(
     surfaces = check(parsed, comm)
     if extensions is not None:
         parsed = with_objects(parsed, extensions)
-    this = Run(parsed, comm, store, SharedCache(store, cache))
+    this = Run(parsed, comm, store, files.SharedCache(store, cache))
     if store.share is None:
         store.open(scene_text(parsed))
     brake, library = before_samples(this, surfaces)

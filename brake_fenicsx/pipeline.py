@@ -22,17 +22,15 @@ import numpy as np
 from brake_fenicsx import checks
 from brake_fenicsx.arguments import with_its_arguments
 from brake_fenicsx.build.law_stage import law_recipe, micro_stage
-from brake_fenicsx.costs import earlier_run
+from brake_fenicsx.description import earlier_run
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import load, named
-from brake_fenicsx.folder.files import SharedCache
-from brake_fenicsx.folder.lock import Share
+from brake_fenicsx.folder import files, lock, processes
 from brake_fenicsx.folder.log import Progress, logger, spared, start_log
-from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.folder.store import PREPARED, Store, check_folder, enter_prepared, open_folder
+from brake_fenicsx.libraries import differences, versions
 from brake_fenicsx.results.answer import open_points, summary_table, write_tables
 from brake_fenicsx.results.run import RunData, read_run
-from brake_fenicsx.results.versions import differences, versions
 from brake_fenicsx.scene import STAGES, Scene, read_scene
 from brake_fenicsx.scene.digest import in_effect, result_digest
 from brake_fenicsx.scene.scene import friction_texts, listed, own_surface
@@ -45,7 +43,7 @@ if TYPE_CHECKING:
     from brake_fenicsx.samples.sampling import Roughness
     from brake_fenicsx.samples.study import Study
     from brake_fenicsx.surface import SurfaceStatistics
-    from brake_fenicsx.surface.waviness import Waviness
+    from brake_fenicsx.surface.spectrum import Waviness
     from brake_fenicsx.sweeps.sweep_study import SweepStudy
 
     Surfaces = Mapping[str, SurfaceStatistics]  # by the section of each
@@ -85,7 +83,7 @@ def run(
     overrides: Sequence[str] = (),
     from_stage: str | None = None,
     cache: str | Path | None = None,
-    share: Share | None = None,
+    share: lock.Share | None = None,
     prepare: bool = False,
     pictures: bool = True,
 ) -> Run:
@@ -132,7 +130,7 @@ def run(
     if not (parsed.samples.approaches and "equilibrium" in parsed.stages) and (share or prepare):
         raise SceneError(f"{parsed.file}: has no samples to be shared; write `run`, no --share")
     surfaces = checks.check(parsed, comm)
-    shared = SharedCache(store, None if cache is None else Path(cache))
+    shared = files.SharedCache(store, None if cache is None else Path(cache))
     this = Run(parsed, comm, store, shared, prepare=prepare, pictures=pictures)
     new = not store.directory.exists()
     try:
@@ -285,7 +283,7 @@ def _waviness(scene: Scene, stats: SurfaceStatistics | None) -> Waviness | None:
         return None
     if stats is None or scene.surface is None or scene.micro is None:
         return None
-    from brake_fenicsx.surface.waviness import Waviness
+    from brake_fenicsx.surface.spectrum import Waviness
 
     return Waviness(stats.spectrum, float(scene.micro.patch), scene.surface.low)
 
@@ -392,7 +390,7 @@ def draw_beside(this: Run, study: Study, first: First) -> None:
         works += figure_works(this.store.directory, read, *figures)
     made = study.verified_beside(works)
     if study.verify:
-        this.facts["verification"] = on_first(lambda: verification(study), this.comm)
+        this.facts["verification"] = processes.on_first(lambda: verification(study), this.comm)
     this.warn([text for _, lost in made for text in lost])
     if "report" in this.scene.stages and this.comm.rank == 0:
         write_shapes(study, [row for row, _ in made[: len(shapes.works)] if row is not None])
@@ -440,7 +438,7 @@ def report(
     read = cache(lambda: read_run(directory))
     works = figure_works(directory, read, pictures, own)
     progress = Progress("figures, in parts", len(works), processes=comm.size)
-    for _, lost in in_turns(len(works), lambda i: works[i](), comm):
+    for _, lost in processes.in_turns(len(works), lambda i: works[i](), comm):
         progress.advance()
         for text in lost:
             logger.warning("%s", text)

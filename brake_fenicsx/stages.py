@@ -11,12 +11,11 @@ from typing import Any
 from mpi4py import MPI
 
 from brake_fenicsx.errors import BrakeError
-from brake_fenicsx.folder.files import SharedCache
+from brake_fenicsx.folder import files, processes
 from brake_fenicsx.folder.log import logger
-from brake_fenicsx.folder.processes import end_of_stage, peak_memory, release_memory
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.results.accuracy import STAGES
-from brake_fenicsx.results.versions import versions
+from brake_fenicsx.libraries import versions
+from brake_fenicsx.results.answer import STAGES
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.digest import in_effect
 
@@ -41,7 +40,7 @@ class Run:
     scene: Scene
     comm: MPI.Comm
     store: Store
-    cache: SharedCache
+    cache: files.SharedCache
     seconds: dict[str, float] = field(default_factory=dict)
     peak_memory_mb: dict[str, float] = field(default_factory=dict)
     process_memory_mb: dict[str, float] = field(default_factory=dict)
@@ -63,11 +62,11 @@ class Run:
         yield
         self.comm.Barrier()
         self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
-        self.process_memory_mb[name], self.peak_memory_mb[name] = peak_memory(self.comm)
+        self.process_memory_mb[name], self.peak_memory_mb[name] = processes.peak_memory(self.comm)
         numbers = self.seconds[name], self.peak_memory_mb[name]
         logger.info("%s: done in %.1f s (peak memory %.0f MB)", title, *numbers)
-        release_memory()
-        end_of_stage(self.comm)
+        processes.release_memory()
+        processes.end_of_stage(self.comm)
 
     def warn(self, lines: Iterable[str]) -> None:
         """Log what is most probably not meant, each line once, and keep it for the page."""

@@ -6,16 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .part import (
-    PartEntities,
-    Slab,
-    Swept,
-    SweptFace,
-    element_count,
-    faces_where,
-    flat_at,
-    ring_sector_face,
-)
+from . import part
 
 Entities = list[tuple[int, int]]
 
@@ -110,7 +101,7 @@ def sideways(disc: Disc, name: str, points: np.ndarray) -> np.ndarray:
     return share[:, None] * points[:, :2] / r[:, None]
 
 
-def build(occ: Any, disc: Disc) -> PartEntities:
+def build(occ: Any, disc: Disc) -> part.PartEntities:
     """Add the disc to the current gmsh model.
 
     Args:
@@ -133,15 +124,16 @@ def build(occ: Any, disc: Disc) -> PartEntities:
     occ.synchronize()
     body = [tag for _, tag in solids]
     faces = {
-        "friction": faces_where(body, flat_at(-half)) + faces_where(body, flat_at(half)),
-        "bore": faces_where(body, _cylinder(disc.bore)),
-        "rim": faces_where(body, _cylinder(disc.radius)),
+        "friction": part.faces_where(body, part.flat_at(-half))
+        + part.faces_where(body, part.flat_at(half)),
+        "bore": part.faces_where(body, _cylinder(disc.bore)),
+        "rim": part.faces_where(body, _cylinder(disc.radius)),
     }
     if disc.hat > 0:
-        faces["hub"] = faces_where(body, _cylinder(disc.hub))
-        faces["bolts"] = faces_where(body, _hole(disc))
+        faces["hub"] = part.faces_where(body, _cylinder(disc.hub))
+        faces["bolts"] = part.faces_where(body, _hole(disc))
     fine = ((disc.face_size, f"abs({half!r}-abs(z))"),) if disc.face_size else ()
-    return PartEntities({"body": body}, faces, {"body": disc.size}, fine=fine)
+    return part.PartEntities({"body": body}, faces, {"body": disc.size}, fine=fine)
 
 
 def _tube(occ: Any, inner: float, outer: float, low: float, high: float) -> tuple[int, int]:
@@ -203,7 +195,7 @@ def _hole(disc: Disc) -> Callable[[np.ndarray, np.ndarray], bool]:
     return test
 
 
-def sweep(occ: Any, disc: Disc) -> Swept:
+def sweep(occ: Any, disc: Disc) -> part.Swept:
     """Add the footprint of a plain disc to the current gmsh model, names as of ``build``.
 
     Args:
@@ -219,15 +211,15 @@ def sweep(occ: Any, disc: Disc) -> Swept:
             )
     regions, curves = _quarters(occ, disc)
     half = disc.thickness / 2
-    n = element_count(disc.thickness, disc.size)
-    return Swept(
+    n = part.element_count(disc.thickness, disc.size)
+    return part.Swept(
         regions={"all": regions},
         curves=curves,
-        slabs=(Slab("body", -half, half, n, ("all",)),),
+        slabs=(part.Slab("body", -half, half, n, ("all",)),),
         faces={
-            "friction": (SweptFace(0, "low", ("all",)), SweptFace(0, "high", ("all",))),
-            "bore": (SweptFace(0, "side", ("bore",)),),
-            "rim": (SweptFace(0, "side", ("rim",)),),
+            "friction": (part.SweptFace(0, "low", ("all",)), part.SweptFace(0, "high", ("all",))),
+            "bore": (part.SweptFace(0, "side", ("bore",)),),
+            "rim": (part.SweptFace(0, "side", ("rim",)),),
         },
         size=disc.size,
     )
@@ -238,14 +230,14 @@ def _quarters(occ: Any, disc: Disc) -> tuple[list[int], dict[str, list[int]]]:
     import gmsh
 
     quarters = [
-        (2, ring_sector_face(occ, disc.bore, disc.radius, 0.0, start, np.pi / 2))
+        (2, part.ring_sector_face(occ, disc.bore, disc.radius, 0.0, start, np.pi / 2))
         for start in np.pi / 2 * np.arange(4)
     ]
     faces = [tag for _, tag in occ.fragment(quarters, [])[0]]
     occ.synchronize()
     mesh = gmsh.model.mesh
-    across = element_count(disc.radius - disc.bore, disc.size)
-    along = element_count(np.pi / 4 * (disc.radius + disc.bore), disc.size)
+    across = part.element_count(disc.radius - disc.bore, disc.size)
+    along = part.element_count(np.pi / 4 * (disc.radius + disc.bore), disc.size)
     curves: dict[str, list[int]] = {"bore": [], "rim": []}
     for _, tag in gmsh.model.getEntities(1):
         ends = gmsh.model.getBoundary([(1, tag)])

@@ -4,18 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from . import pad_shape
+from . import pad_shape, part
 from .pad_shape import Pad
-from .part import (
-    PartEntities,
-    Slab,
-    Swept,
-    SweptFace,
-    element_count,
-    faces_where,
-    flat_at,
-    volumes_between,
-)
 
 
 def layers(pad: Pad) -> list[tuple[str, float]]:
@@ -125,7 +115,7 @@ def _sides(pad: Pad) -> tuple[list[float], bool]:
     return (sides[:1] if mirror else sides), mirror
 
 
-def build(occ: Any, pad: Pad) -> PartEntities:
+def build(occ: Any, pad: Pad) -> part.PartEntities:
     """Add one pad, or two mirror images, to the current gmsh model.
 
     Args:
@@ -146,7 +136,7 @@ def build(occ: Any, pad: Pad) -> PartEntities:
         for name, tags in named.items():
             faces[name].extend(tags)
     sizes = {name: _size(pad, name) for name in volumes}
-    return PartEntities(
+    return part.PartEntities(
         volumes, {n: tags for n, tags in faces.items() if tags}, sizes, mirror=mirror
     )
 
@@ -172,7 +162,7 @@ def _one_pad(occ: Any, pad: Pad, side: float) -> tuple[dict[str, list[int]], dic
     volumes: dict[str, list[int]] = {}
     for (name, _), low, high in zip(stack, heights[:-1], heights[1:], strict=True):
         z_low, z_high = sorted((side * low, side * high))
-        volumes.setdefault(name, []).extend(volumes_between(tags, z_low, z_high))
+        volumes.setdefault(name, []).extend(part.volumes_between(tags, z_low, z_high))
     return volumes, _faces(occ, pad, tags, side, heights)
 
 
@@ -192,17 +182,17 @@ def _faces(
 
     def on_piston(low: np.ndarray, high: np.ndarray) -> bool:
         near = np.all(low[:2] > centre - reach) and np.all(high[:2] < centre + reach)
-        return bool(near and flat_at(side * heights[-1])(low, high))
+        return bool(near and part.flat_at(side * heights[-1])(low, high))
 
-    upright = faces_where(tags, lambda low, high: bool(high[2] - low[2] > 0.5 * pad.plate))
+    upright = part.faces_where(tags, lambda low, high: bool(high[2] - low[2] > 0.5 * pad.plate))
     return {
-        "friction": faces_where(tags, flat_at(side * pad.z)),
+        "friction": part.faces_where(tags, part.flat_at(side * pad.z)),
         "ears": _at_tips(occ, pad, 2, upright),
-        "piston": faces_where(tags, on_piston),
+        "piston": part.faces_where(tags, on_piston),
     }
 
 
-def sweep(occ: Any, pad: Pad) -> Swept:
+def sweep(occ: Any, pad: Pad) -> part.Swept:
     """Add the pad's footprint to the current gmsh model, with the same names as ``build``.
 
     Args:
@@ -228,15 +218,17 @@ def sweep(occ: Any, pad: Pad) -> Swept:
             depth = pad.lining if pad.slot_depth is None else pad.slot_depth
             pieces = [(depth, open_slot), (h - depth, body)][: 1 + (depth < h)]
         for height, own in pieces:
-            n = element_count(height, _size(pad, name))
-            slabs.append(Slab(name, z, z + height, n, own))
+            n = part.element_count(height, _size(pad, name))
+            slabs.append(part.Slab(name, z, z + height, n, own))
             z += height
     plate = next(i for i, slab in enumerate(slabs) if slab.layer == "plate")
-    faces: dict[str, tuple[SweptFace, ...]] = {"friction": (SweptFace(0, "low", slabs[0].regions),)}
+    faces: dict[str, tuple[part.SweptFace, ...]] = {
+        "friction": (part.SweptFace(0, "low", slabs[0].regions),)
+    }
     if tips:
-        faces["ears"] = (SweptFace(plate, "side", ("ears",)),)
-    faces["piston"] = (SweptFace(len(slabs) - 1, "high", press),)
-    return Swept(
+        faces["ears"] = (part.SweptFace(plate, "side", ("ears",)),)
+    faces["piston"] = (part.SweptFace(len(slabs) - 1, "high", press),)
+    return part.Swept(
         regions, {"ears": tips} if tips else {}, tuple(slabs), faces, pad.size,
         mirror=mirror, below=sides[0] < 0,
     )  # fmt: skip

@@ -84,8 +84,7 @@ def measure_element(case: dict[str, Any]) -> dict[str, Any]:
     from mpi4py import MPI
 
     from brake_fenicsx.macro.braking import reference_stiffness
-    from brake_fenicsx.macro.condensation import compliance
-    from brake_fenicsx.macro.equilibrium import equilibrium
+    from brake_fenicsx.macro.equilibrium import compliance, equilibrium
     from brake_fenicsx.stability.eigensolvers.symmetric import lowest_modes
 
     sizes = scaled(case["factor"], case["cells"])
@@ -151,8 +150,7 @@ def measure_sample(case: dict[str, Any]) -> dict[str, Any]:
     from mpi4py import MPI
 
     from brake_fenicsx.macro.braking import reference_stiffness
-    from brake_fenicsx.macro.condensation import compliance
-    from brake_fenicsx.macro.equilibrium import equilibrium
+    from brake_fenicsx.macro.equilibrium import compliance, equilibrium
 
     sys.path.append(str(Path(__file__).parents[1] / "tests"))
     from sparse_equilibrium import sparse_equilibrium
@@ -286,7 +284,7 @@ def main() -> None:
     parser.add_argument("--case", type=json.loads, help=argparse.SUPPRESS)
     at = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
     if sys.argv[at + 1 :]:
-        from brake_fenicsx.petsc import start_petsc
+        from brake_fenicsx.libraries import start_petsc
 
         start_petsc(sys.argv[at + 1 :])
     given = parser.parse_args(sys.argv[1:at])

@@ -48,7 +48,7 @@ from brake_fenicsx.surface import (
     resampled,
     synthesise,
 )
-from brake_fenicsx.surface.iso25178 import gradients
+from brake_fenicsx.surface.hdf import gradients
 from brake_fenicsx.surface.topography import Topography, fill
 
 SCAN = Path(__file__).parent / "scenes" / "pad_scan.npz"

@@ -30,7 +30,7 @@ import scipy.linalg as la
 from brake_fenicsx.macro import solver
 from brake_fenicsx.micro import halfspace
 from brake_fenicsx.stability.substructures import sample as online
-from brake_fenicsx.stability.substructures.block_matrix import BlockMatrix
+from brake_fenicsx.stability.substructures.sample import BlockMatrix
 from brake_fenicsx.stability.substructures.sample_problem import Quotient
 
 SCENE = Path(__file__).parent / "scenes" / "disc_brake.toml"

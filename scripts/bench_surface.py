@@ -40,7 +40,7 @@ from brake_fenicsx.surface import (  # noqa: E402
     synthesise,
 )
 from brake_fenicsx.surface import psd as psd_module  # noqa: E402
-from brake_fenicsx.surface.iso25178 import gradients  # noqa: E402
+from brake_fenicsx.surface.hdf import gradients  # noqa: E402
 from brake_fenicsx.surface.topography import form  # noqa: E402
 
 PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)

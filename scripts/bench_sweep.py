@@ -17,7 +17,7 @@ import numpy as np
 from brake_fenicsx import prepare
 from brake_fenicsx.sweeps.branches import CUT, follow
 from brake_fenicsx.sweeps.events import ONSET, find_events
-from brake_fenicsx.sweeps.state import Points
+from brake_fenicsx.sweeps.matching import Points
 from brake_fenicsx.sweeps.sweep_study import FINE
 
 DEMO = Path(__file__).parent / "scenes" / "disc_brake_demo.toml"

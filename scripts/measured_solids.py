@@ -15,8 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from brake_fenicsx.extras.measured.part_modes import part_modes
-from brake_fenicsx.extras.measured.peaks import read_peaks
-from brake_fenicsx.extras.measured.posterior import assigned
+from brake_fenicsx.extras.measured.posterior import assigned, read_peaks
 from brake_fenicsx.results.tables import text_table
 from brake_fenicsx.scene import read_scene
 

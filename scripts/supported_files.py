@@ -18,7 +18,7 @@ import numpy as np
 
 from brake_fenicsx.extras.decks.draft.text import write_scene
 from brake_fenicsx.extras.decks.keywords import HARMLESS, KNOWN, Known
-from brake_fenicsx.extras.measured.peaks import read_peaks
+from brake_fenicsx.extras.measured.posterior import read_peaks
 from brake_fenicsx.meshing.meshfile import read_mesh_file
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.surface import read_topography

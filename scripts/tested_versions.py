@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from brake_fenicsx.results.versions import solver_versions, version_of
+from brake_fenicsx.libraries import solver_versions, version_of
 
 PAGE = Path(__file__).parents[1] / "docs" / "installation.md"
 

@@ -185,9 +185,9 @@ class TwoBlocks:
     ):
         from brake_fenicsx.geometry import block
         from brake_fenicsx.macro.contact_elements import contact_elements
+        from brake_fenicsx.macro.contact_forces import Translation
         from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
         from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
-        from brake_fenicsx.macro.sliding_friction import Translation
         from brake_fenicsx.meshing.brake_mesh import build_mesh
         from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 
@@ -220,7 +220,7 @@ class TwoBlocks:
     @property
     def compliance(self):
         """The blocks seen from their contact elements, made once."""
-        from brake_fenicsx.macro.condensation import compliance
+        from brake_fenicsx.macro.equilibrium import compliance
 
         if not hasattr(self, "_compliance"):
             self._compliance = compliance(

@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import scipy.sparse as sp
 
+from brake_fenicsx.macro.contact_forces import Rotation
 from brake_fenicsx.macro.elasticity import affine_parts
-from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.stability import (
     ContactLinearisation,
     Parameters,

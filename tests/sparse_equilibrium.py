@@ -13,8 +13,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged
+from brake_fenicsx.macro.contact_forces import EnrichedGap
 from brake_fenicsx.macro.equilibrium import Equilibrium, record
-from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.macro.newton import Newton
 from brake_fenicsx.macro.solver import Factor, with_interface
 

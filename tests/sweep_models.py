@@ -4,7 +4,7 @@ import numpy as np
 import scipy.linalg as la
 
 from brake_fenicsx.stability.modes import Count, Modes
-from brake_fenicsx.sweeps.state import State
+from brake_fenicsx.sweeps.matching import State
 
 
 def modes_of(M, C, K):

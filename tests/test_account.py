@@ -9,9 +9,7 @@ import pytest
 
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.extras.variants.comparison import comparison_text
-from brake_fenicsx.folder.kernels import kernels_in_use
-from brake_fenicsx.petsc import beside_dolfinx
-from brake_fenicsx.results.versions import differences
+from brake_fenicsx.libraries import beside_dolfinx, differences, kernels_in_use
 from coarse_block import SCENES
 
 COARSE = (
@@ -112,7 +110,7 @@ def test_a_run_is_the_same_in_every_account(accounts):
 def test_options_of_petsc_are_those_of_the_command_line(accounts):
     """Neither ~/.petscrc, nor that of the working directory, nor PETSC_OPTIONS; the words given."""
     code = (
-        "from brake_fenicsx.petsc import start_petsc\nstart_petsc(['-wanted', '3'])\n"
+        "from brake_fenicsx.libraries import start_petsc\nstart_petsc(['-wanted', '3'])\n"
         "import brake_fenicsx.compat\nfrom petsc4py import PETSc\no = PETSc.Options()\n"
         "print(o.hasName('hostile'), o.getString('wanted'))"
     )
@@ -149,7 +147,7 @@ def test_forms_are_compiled_as_the_program_says(accounts):
 def test_kernels_are_those_that_run():
     """The release and the kernels, as OpenBLAS names them; by another variable, others."""
     assert kernels_in_use().startswith("OpenBLAS 0.")
-    code = "import numpy\nfrom brake_fenicsx.folder.kernels import kernels_in_use as k\nprint(k())"
+    code = "import numpy\nfrom brake_fenicsx.libraries import kernels_in_use as k\nprint(k())"
     environment = os.environ | {"OPENBLAS_CORETYPE": "Prescott"}
     done = subprocess.run(
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True

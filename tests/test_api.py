@@ -52,7 +52,7 @@ def test_a_type_checker_sees_the_types_of_the_package(tmp_path):
     # Of the package alone what the script names: the whole is checked beside the tests.
     (tmp_path / "mypy.ini").write_text(
         "[mypy]\nignore_missing_imports = true\nfollow_imports = skip\n"
-        "[mypy-brake_fenicsx,brake_fenicsx.arguments,brake_fenicsx.model,brake_fenicsx.sweeps.followed,"
+        "[mypy-brake_fenicsx,brake_fenicsx.arguments,brake_fenicsx.model,brake_fenicsx.sweeps.sweep_study,"
         "brake_fenicsx.stability.modes]\nfollow_imports = silent\n"
     )
     command = [sys.executable, "-m", "mypy", "--cache-dir", str(tmp_path / "cache"), str(script)]
@@ -60,7 +60,7 @@ def test_a_type_checker_sees_the_types_of_the_package(tmp_path):
         command, capture_output=True, text=True, cwd=tmp_path
     ).stdout  # fmt: skip
     assert 'note: Revealed type is "brake_fenicsx.model.Model"' in said, said
-    assert 'note: Revealed type is "brake_fenicsx.sweeps.followed.Branches"' in said
+    assert 'note: Revealed type is "brake_fenicsx.sweeps.sweep_study.Branches"' in said
     assert said.count("error:") == said.count('"prepare" has incompatible type "int"') == 1, said
     assert 'Revealed type is "brake_fenicsx.stability.modes.Modes"' in said, said
 

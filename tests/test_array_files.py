@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.errors import SceneError, SurfaceError
 from brake_fenicsx.extras.decks.matrix_files import read_matrix
-from brake_fenicsx.extras.measured.measured import read_sets
+from brake_fenicsx.extras.measured.universal import read_sets
 from brake_fenicsx.extras.variants.comparison import shapes_of
 from brake_fenicsx.folder import arrays
 from brake_fenicsx.folder.arrays import read_npz, reading

@@ -17,7 +17,7 @@ import pytest
 
 from brake_fenicsx import pipeline
 from brake_fenicsx.cli import main
-from brake_fenicsx.costs import time_text
+from brake_fenicsx.description import time_text
 from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.log import Progress
 from brake_fenicsx.folder.processes import Terminated

@@ -6,12 +6,12 @@ from mpi4py import MPI
 
 import pytest
 
-from brake_fenicsx.costs import (
+from brake_fenicsx.description import (
     count_solves,
+    describe,
     earlier_run,
     time_text,
 )
-from brake_fenicsx.description import describe
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
 from places import SCENES

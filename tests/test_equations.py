@@ -80,4 +80,7 @@ def test_what_has_no_number_in_the_paper_has_none_here():
     """Friction, sliding direction, inertia and the complex modes."""
     numbered = {name.rpartition(".")[2] for name in tagged()}
     assert not numbered & {"friction_traction", "slip_frame", "mass_form", "complex_modes"}
-    assert "Eq. (" not in (ROOT / "brake_fenicsx/macro/sliding_friction.py").read_text()
+    _, friction = (
+        (ROOT / "brake_fenicsx/macro/contact_forces.py").read_text().split("\nclass Rotation")
+    )
+    assert "class SlidingFriction" in friction and "Eq. (" not in friction

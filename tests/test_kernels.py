@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from brake_fenicsx.folder.kernels import CPUINFO, best_kernels
+from brake_fenicsx.libraries import CPUINFO, best_kernels
 from source_tree import ROOT
 
 # What the library that NumPy loaded says, on its own line; nothing where that is not OpenBLAS.

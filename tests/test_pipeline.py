@@ -15,9 +15,9 @@ import pytest
 from brake_fenicsx.build.brake import assemble_brake, check_brake
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import NotConverged, SceneError
+from brake_fenicsx.libraries import LIBRARIES, version_of
 from brake_fenicsx.pipeline import assemble, run
-from brake_fenicsx.results.versions import LIBRARIES, version_of
-from brake_fenicsx.samples import equilibria
+from brake_fenicsx.samples import solve as one_sample
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import read_scene
 from coarse_block import BLOCK, SCENES
@@ -278,8 +278,8 @@ def test_a_run_of_failed_samples_alone_is_an_error(tmp_path, monkeypatch, capsys
     def never(*args, **kwargs):
         raise NotConverged("made to fail")
 
-    monkeypatch.setattr(equilibria, "equilibrium", never)
-    monkeypatch.setattr(equilibria, "raised_friction", never)
+    monkeypatch.setattr(one_sample, "equilibrium", never)
+    monkeypatch.setattr(one_sample, "raised_friction", never)
     out = tmp_path / "out"
     assert main(["run", str(BLOCK), "-o", str(out), "--set", "stages=['equilibrium']"]) == 1
     assert "all samples failed (1 of 1)" in capsys.readouterr().err
@@ -290,7 +290,7 @@ def test_a_run_of_failed_samples_alone_is_an_error(tmp_path, monkeypatch, capsys
 def test_the_ramp_is_gone_through_where_the_full_load_does_not_converge(tmp_path, monkeypatch):
     """The scene's two load steps, only for the sample that needs them, with the same result."""
 
-    solve, steps = equilibria.equilibrium, []
+    solve, steps = one_sample.equilibrium, []
 
     def sometimes(ops, laws, mu, n=1, tolerance=None, start=None):
         steps.append(n if start is None else "near")
@@ -298,7 +298,7 @@ def test_the_ramp_is_gone_through_where_the_full_load_does_not_converge(tmp_path
             raise NotConverged("made to fail")
         return solve(ops, laws, mu, n, tolerance, start=start)
 
-    monkeypatch.setattr(equilibria, "equilibrium", sometimes)
+    monkeypatch.setattr(one_sample, "equilibrium", sometimes)
     changes = [*MANY, "samples.n=3", "equilibrium.tolerance=1e-12"]
     run(BLOCK, MPI.COMM_SELF, tmp_path / "ramp", changes)
     # The first sample, its gaps from which the others start, the second one, the third one.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.text_tables import TextTable
+from brake_fenicsx.folder.arrays import TextTable
 
 ROWS = "# test 7\na [Hz],b\n\n1.5,x\n 2e3 , y\n3,\n"
 

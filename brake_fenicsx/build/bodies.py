@@ -30,7 +30,7 @@ from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.solver import with_interface
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.bodies_section import Load
+from brake_fenicsx.scene.parts_section import Load
 
 from .material_table import layer_materials
 

@@ -13,14 +13,11 @@ from brake_fenicsx import compat
 from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import OfOneProcess, SceneError, lines
 from brake_fenicsx.extensions import sections
-from brake_fenicsx.macro.condensation import Compliance
-from brake_fenicsx.macro.contact_elements import Contact, Stuck, join, stick
-from brake_fenicsx.macro.elasticity import Elastic, affine_parts, layer_masses
-from brake_fenicsx.macro.material import Material
-from brake_fenicsx.macro.sliding_friction import Rotation
+from brake_fenicsx.macro import contact_elements, contact_forces, elasticity, material
+from brake_fenicsx.macro.equilibrium import Compliance
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.bodies_section import Motion
+from brake_fenicsx.scene.parts_section import Motion
 from brake_fenicsx.scene.scene import slides
 from brake_fenicsx.stability.damping_matrices import gyroscopic
 
@@ -51,16 +48,16 @@ class Brake(OfOneProcess):
     """
 
     mesh: Mesh
-    elastic: Elastic
-    contact: Contact
+    elastic: elasticity.Elastic
+    contact: contact_elements.Contact
     f: Array
     pressed: float
     unit_loads: Array
     lift: Array | None = None
     compliance: Compliance | None = None
-    stuck: dict[str, Stuck] = field(default_factory=dict)
+    stuck: dict[str, contact_elements.Stuck] = field(default_factory=dict)
     faced: dict[str, tuple[float, float]] = field(default_factory=dict)
-    materials: dict[str, Material] = field(default_factory=dict)
+    materials: dict[str, material.Material] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """One line."""
@@ -133,8 +130,8 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     """
     mesh = scene_mesh(scene, comm)
     elastic = assemble_bodies(scene, mesh)
-    found: dict[str, Contact] = {}
-    stuck: dict[str, Stuck] = {}
+    found: dict[str, contact_elements.Contact] = {}
+    stuck: dict[str, contact_elements.Stuck] = {}
     faced: dict[str, tuple[float, float]] = {}
     for name, table in scene.contact.items():
         one = interface_elements(scene, name, mesh, elastic.free, comm)
@@ -143,10 +140,10 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
         if table.zone is not None:
             one = zone_of(one, table.zone, f"{scene.file}: contact.{name}")
         if table.tangential_stiffness is not None:
-            one, stuck[name] = stick(one, table.tangential_stiffness)
+            one, stuck[name] = contact_elements.stick(one, table.tangential_stiffness)
             elastic = replace(elastic, K=elastic.K + stuck[name].matrix())
         found[name] = one
-    contact = join([*found.values()])
+    contact = contact_elements.join([*found.values()])
     if len(found) > 1:
         check_apart(scene, found)
         contact = replace(contact, uncovered=uncovered(scene, found))
@@ -172,10 +169,10 @@ def layer_matrix(
     """
     mesh, free, motion = brake.mesh, brake.elastic.free, scene_motion(scene)
     if enters == "K":
-        return affine_parts(mesh, free, [given])[0]
-    if enters == "C" and isinstance(motion, Rotation):
+        return elasticity.affine_parts(mesh, free, [given])[0]
+    if enters == "C" and isinstance(motion, contact_forces.Rotation):
         return gyroscopic(mesh, free, given, motion)
-    return sum(layer_masses(mesh, free, given, scene.mesh.mass == "lumped").values())
+    return sum(elasticity.layer_masses(mesh, free, given, scene.mesh.mass == "lumped").values())
 
 
 def check_brake(scene: Scene, comm: MPI.Comm) -> None:

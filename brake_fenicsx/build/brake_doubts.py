@@ -14,19 +14,17 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from brake_fenicsx.errors import SceneError, lines
+from brake_fenicsx.macro.contact_forces import Rotation
 from brake_fenicsx.macro.faces import Face, gather_face
 from brake_fenicsx.macro.free_motions import FreeMotions, free_motions
 from brake_fenicsx.macro.material import Material, engineering_constants
-from brake_fenicsx.macro.sliding_friction import Rotation
-from brake_fenicsx.meshing.brake_mesh import extent
-from brake_fenicsx.meshing.rawmesh import EDGES, RawMesh, Stated, Unread
+from brake_fenicsx.meshing import brake_mesh, rawmesh
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scene import slides
 from brake_fenicsx.scene.units import quantity_text
 
+from . import interfaces, scene_mesh
 from .brake import Brake
-from .interfaces import scene_motion
-from .scene_mesh import file_parts
 
 # Sections that join or hold parts.
 JOINING = ("ties", "springs", "supports")
@@ -89,7 +87,7 @@ def _refusal(scene: Scene, brake: Brake, found: FreeMotions) -> str:
     ]
     left = left_out(scene, brake.mesh.unread).values()
     lost = [one.said for stated in left for one in stated if one.section in JOINING]
-    if lost and (of_file := [name for name in file_parts(scene) if name in free]):
+    if lost and (of_file := [name for name in scene_mesh.file_parts(scene) if name in free]):
         whose = f"{scene.mesh.file}, the mesh of {' and '.join(of_file)}"
         sentences.append(f"{whose}, has {' and '.join(lost)}, which the scene has not")
     return f"""{"; ".join(sentences)}. Hold them by supports, ties or springs; contact holds along
@@ -130,7 +128,7 @@ def placement_doubts(scene: Scene, brake: Brake) -> Iterator[str]:
 
 def _axis_doubts(scene: Scene, brake: Brake) -> Iterator[str]:
     """Interfaces that an axis of rotation passes through."""
-    motion = None if scene.motion is None else scene_motion(scene)
+    motion = None if scene.motion is None else interfaces.scene_motion(scene)
     if not isinstance(motion, Rotation):
         return
     for i, name in enumerate(scene.contact):
@@ -203,7 +201,7 @@ def _waves(m: Material, thickness: float, frequency: float) -> tuple[float, floa
     return 2 * np.pi / float(wave_numbers[0]), 2 * np.pi / float(wave_numbers[1])
 
 
-def _thickness(raw: RawMesh, layer: str) -> float:
+def _thickness(raw: rawmesh.RawMesh, layer: str) -> float:
     """Shortest side of the box around a layer, or around the largest of its bodies [m]."""
     cells = raw.cells[raw.cell_tag == raw.layers[layer]]
     nodes, own = np.unique(cells, return_inverse=True)
@@ -212,27 +210,27 @@ def _thickness(raw: RawMesh, layer: str) -> float:
     joined = sp.coo_matrix((np.ones(pairs[0].size), pairs), (nodes.size, nodes.size))
     _, body = connected_components(joined, directed=False)
     largest = body == np.bincount(body).argmax()
-    return min(extent(raw.points[nodes[largest]]))
+    return min(brake_mesh.extent(raw.points[nodes[largest]]))
 
 
-def _spacing(raw: RawMesh, layer: str, degree: int) -> float:
+def _spacing(raw: rawmesh.RawMesh, layer: str, degree: int) -> float:
     """Distance of nodes along the longer half of the edges of cells, their median [m]."""
     x = raw.points[raw.corners[raw.cell_tag == raw.layers[layer]]]
-    first, second = np.array(EDGES[raw.shape]).T
+    first, second = np.array(rawmesh.EDGES[raw.shape]).T
     edges = np.sort(np.linalg.norm(x[:, first] - x[:, second], axis=2), axis=1)
     return float(np.median(edges[:, edges.shape[1] // 2 :].mean(axis=1))) / degree
 
 
-def left_out(scene: Scene, unread: Unread) -> dict[str, list[Stated]]:
+def left_out(scene: Scene, unread: rawmesh.Unread) -> dict[str, list[rawmesh.Stated]]:
     """Joints, supports and loads of mesh files that no section of the scene has, by file."""
-    lost: dict[str, list[Stated]] = {}
+    lost: dict[str, list[rawmesh.Stated]] = {}
     for file, stated in unread.stated:
         if not _holds(scene, stated):
             lost.setdefault(file, []).append(stated)
     return lost
 
 
-def _holds(scene: Scene, stated: Stated) -> bool:
+def _holds(scene: Scene, stated: rawmesh.Stated) -> bool:
     """Whether the scene has a joint between the same faces, or a table of all faces."""
     if len(stated.faces) == 2:
         # Faces in contact may be glued; those that are tied may stick, but not slide.

@@ -27,9 +27,9 @@ import scipy.sparse as sp
 
 from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.contact_forces import Rotation
 from brake_fenicsx.macro.elasticity import face_mass
 from brake_fenicsx.macro.material import rotate_about_z
-from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.macro.stretching import Power
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene

@@ -29,13 +29,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from brake_fenicsx.arguments import Array
-from brake_fenicsx.macro.contact_elements import Contact
-from brake_fenicsx.macro.sliding_friction import Rotation, SlidingFriction
-from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.samples_section import split_key
-from brake_fenicsx.scene.scalars import SPEED
+from brake_fenicsx.macro import contact_elements, contact_forces
+from brake_fenicsx.scene import Scene, samples_section, scalars, stability_section
 from brake_fenicsx.scene.scene import active_terms, damped_bodies, damped_springs, turning_parts
-from brake_fenicsx.scene.stability_section import Damping, ModalDamping
 from brake_fenicsx.stability.damping_matrices import friction_damping
 from brake_fenicsx.stability.substructures import Substructure
 from brake_fenicsx.stability.substructures.substructure import ModalRatio
@@ -63,8 +59,8 @@ class Terms:
 
     def matrix(
         self,
-        contact: Contact,
-        friction: SlidingFriction,
+        contact: contact_elements.Contact,
+        friction: contact_forces.SlidingFriction,
         p: Array,
         change: sp.csr_matrix | None = None,
     ) -> sp.csr_matrix | None:
@@ -87,11 +83,13 @@ class Terms:
 
 def damping_terms(scene: Scene, brake: Brake) -> Terms:
     """Assemble the damping terms of a scene."""
-    table = scene.damping or Damping()
+    table = scene.damping or stability_section.Damping()
     return Terms(_sum([*_terms_of_bodies(scene, brake, table)]), table.sliding, table.slope)
 
 
-def _terms_of_bodies(scene: Scene, brake: Brake, table: Damping) -> Iterator[sp.csr_matrix]:
+def _terms_of_bodies(
+    scene: Scene, brake: Brake, table: stability_section.Damping
+) -> Iterator[sp.csr_matrix]:
     """Damping of the bodies: their dashpots, then a matrix for each term that the scene names."""
     if brake.elastic.C is not None:
         yield brake.elastic.C
@@ -100,15 +98,15 @@ def _terms_of_bodies(scene: Scene, brake: Brake, table: Damping) -> Iterator[sp.
     if table.loss:
         damped = {n: m.loss / table.reference * m.C for n, m in brake.materials.items() if m.loss}
         yield layer_matrix(scene, brake, "K", damped)
-    if table.gyroscopic and isinstance(scene_motion(scene), Rotation):
+    if table.gyroscopic and isinstance(scene_motion(scene), contact_forces.Rotation):
         yield layer_matrix(scene, brake, "C", turning_density(scene, brake))
     for term in table.own:
         yield term.matrix(brake)
 
 
-def record(scene: Scene, contact: Contact) -> dict[str, Any]:
+def record(scene: Scene, contact: contact_elements.Contact) -> dict[str, Any]:
     """What acts where, with its numbers, for log and summary; empty without damping."""
-    table, moving = scene.damping or Damping(), contact.speed[contact.speed > 0]
+    table, moving = scene.damping or stability_section.Damping(), contact.speed[contact.speed > 0]
     speeds = {"speeds_m_s": [float(moving.min()), float(moving.max())] if moving.size else []}
     losses = {name: m.loss for name, m in scene.materials.items() if m.loss}
     rate, turns = scene.motion.rate if scene.motion else 0.0, turning_parts(scene)
@@ -154,7 +152,7 @@ def with_modal_damping(
     for name in scene.parts:
         layers = [A for layer, A in masses.items() if layer.partition(".")[0] == name]
         mass = sum(layers[1:], layers[0]).tocsr()
-        own = given.get(name, ModalDamping(0.0))
+        own = given.get(name, stability_section.ModalDamping(0.0))
         for found, body in zip(ratios, bodies, strict=True):
             inner = mass[body.dofs][:, body.dofs].tocsr()
             if inner.nnz:
@@ -210,10 +208,10 @@ def damping_slope(scene: Scene, brake: Brake, name: str) -> sp.csr_matrix:
     motion = scene_motion(scene)
     if name in RAYLEIGH:
         return brake.M if name == RAYLEIGH[0] else brake.K
-    if name == SPEED and isinstance(motion, Rotation):
+    if name == scalars.SPEED and isinstance(motion, contact_forces.Rotation):
         return layer_matrix(scene, brake, "C", turning_density(scene, brake)) / motion.speed
     if scene.damping is None:
         raise ValueError(f"{name}: a scene without damping")
-    material = split_key(name)[1]
+    material = samples_section.split_key(name)[1]
     own = {n: m.C for n, m in brake.materials.items() if material_of(scene, n) == material}
     return layer_matrix(scene, brake, "K", own) / scene.damping.reference

@@ -10,30 +10,27 @@ import numpy as np
 
 from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.errors import SceneError, located
+from brake_fenicsx.macro import contact_forces, elasticity
 from brake_fenicsx.macro.contact_elements import Contact, contact_elements, restricted
-from brake_fenicsx.macro.elasticity import FreeDofs
-from brake_fenicsx.macro.sliding_friction import Motion, Rotation, Translation
 from brake_fenicsx.meshing.brake_mesh import Mesh
-from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.contact_section import Zone
+from brake_fenicsx.scene import Scene, contact_section, units
 from brake_fenicsx.scene.scene import slides
-from brake_fenicsx.scene.units import quantity_text
 
 TURN = 2 * np.pi
 
 
-def scene_motion(scene: Scene) -> Motion:
+def scene_motion(scene: Scene) -> contact_forces.Motion:
     """How the disc moves; a scene without motion has no friction, any direction serves then."""
     motion = scene.motion
     if motion is None:
-        return Rotation(1.0)
+        return contact_forces.Rotation(1.0)
     if motion.direction is not None:
-        return Translation(motion.direction, motion.rate)
-    return Rotation(motion.rate, motion.turns_about, motion.point or (0.0, 0.0, 0.0))
+        return contact_forces.Translation(motion.direction, motion.rate)
+    return contact_forces.Rotation(motion.rate, motion.turns_about, motion.point or (0.0, 0.0, 0.0))
 
 
 def interface_elements(
-    scene: Scene, name: str, mesh: Mesh, free: FreeDofs, comm: MPI.Comm
+    scene: Scene, name: str, mesh: Mesh, free: elasticity.FreeDofs, comm: MPI.Comm
 ) -> Contact:
     """Contact elements of an interface, regardless of its zone.
 
@@ -55,7 +52,7 @@ def interface_elements(
         return contact_elements(mesh, free, faces, motion, table.discretisation, table.search, comm)
 
 
-def in_zone(zone: Zone, points: Array) -> Mask:
+def in_zone(zone: contact_section.Zone, points: Array) -> Mask:
     """Which points lie in a zone.
 
     Args:
@@ -73,7 +70,7 @@ def in_zone(zone: Zone, points: Array) -> Mask:
     return inside
 
 
-def zone_of(contact: Contact, zone: Zone, where: str) -> Contact:
+def zone_of(contact: Contact, zone: contact_section.Zone, where: str) -> Contact:
     """The elements of an interface in a zone.
 
     Args:
@@ -89,7 +86,7 @@ def zone_of(contact: Contact, zone: Zone, where: str) -> Contact:
         there, coordinates = [], _coordinates(contact.points)
         for name in _ranges(zone):
             x, unit = coordinates[name], "rad" if name == "angle" else "m"
-            low, high = (quantity_text(float(v), unit) for v in (x.min(), x.max()))
+            low, high = (units.quantity_text(float(v), unit) for v in (x.min(), x.max()))
             there.append(f"{name} {low} to {high}")
         raise SceneError(f"""{where}.zone: contains no centre of a contact element; they lie at
             {", ".join(there)}; widen the zone, or refine the mesh""")
@@ -134,7 +131,7 @@ def uncovered(scene: Scene, found: Mapping[str, Contact]) -> float:
     return sum(free.values())
 
 
-def _ranges(zone: Zone) -> dict[str, tuple[float, float]]:
+def _ranges(zone: contact_section.Zone) -> dict[str, tuple[float, float]]:
     """The ranges that a zone names."""
     named = {f.name: getattr(zone, f.name) for f in fields(zone)}
     return {name: (ends[0], ends[1]) for name, ends in named.items() if ends is not None}

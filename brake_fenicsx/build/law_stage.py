@@ -23,7 +23,7 @@ from brake_fenicsx.scene.digest import laws_key
 if TYPE_CHECKING:
     from brake_fenicsx.micro.halfspace import Boundary
     from brake_fenicsx.micro.law_of_surface import BulkCompliance
-    from brake_fenicsx.scene.surface_section import Micro
+    from brake_fenicsx.scene.contact_section import Micro
     from brake_fenicsx.stages import Run
     from brake_fenicsx.surface import SurfaceStatistics, Topography
 

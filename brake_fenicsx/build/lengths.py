@@ -16,9 +16,7 @@ import numpy as np
 
 from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.contact_elements import Contact, join, restricted
-from brake_fenicsx.macro.morphing import Move, Moving, deformed_layers, moving, plain
-from brake_fenicsx.macro.stretching import Stretch, check_layer
+from brake_fenicsx.macro import contact_elements, morphing, stretching
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.meshing.rawmesh import RawMesh
 from brake_fenicsx.scene import Scene, parts_section
@@ -30,7 +28,7 @@ from .brake import Brake
 from .interfaces import interface_elements
 from .scene_mesh import file_mesh, mesh_settings
 
-Shape = Stretch | Moving
+Shape = stretching.Stretch | morphing.Moving
 Shapes = dict[tuple[str, ...], Shape]
 # Decimals of the lengths, relative to those of the scene, by which contact elements are told apart.
 DIGITS = 12
@@ -55,16 +53,16 @@ def shapes_of(scene: Scene, mesh: Mesh, ranges: Mapping[str, tuple[float, float]
         SceneError: a layer cannot be stretched by itself, or is folded; or a face in use changes.
     """
     found: Shapes = {}
-    moves = {name: movement(scene, plain(mesh), name) for name in ranges}
+    moves = {name: movement(scene, morphing.plain(mesh), name) for name in ranges}
     for layers, names in _groups(scene, mesh, moves):
         part, key = parts_section.length_key(names[0])
         faces, usual = faces_by_area(scene, part), [written_value(scene, name) for name in names]
         if len(names) == 1 and parts_section.layers_of_thickness(scene.parts[part], key):
             for layer in layers:
-                check_layer(
+                stretching.check_layer(
                     mesh, layer, usual[0] if parts_section.FILE_LAYER in names[0] else None, faces
                 )
-            found[names[0],] = Stretch(tuple(layers), np.array(usual))
+            found[names[0],] = stretching.Stretch(tuple(layers), np.array(usual))
             continue
         every = []
         for name, length in zip(names, usual, strict=True):
@@ -72,8 +70,8 @@ def shapes_of(scene: Scene, mesh: Mesh, ranges: Mapping[str, tuple[float, float]
                 raise SceneError(f"""{", ".join(names)}: move the same layers, which {name} can only
                     alone: leave one as it is, or write the two as lengths of displaced meshes or of
                     a builder""")
-            every.append(Move(name, length, ranges[name], v))
-        found[tuple(names)] = moving(mesh, mesh_settings(scene), every, faces)
+            every.append(morphing.Move(name, length, ranges[name], v))
+        found[tuple(names)] = morphing.moving(mesh, mesh_settings(scene), every, faces)
     return found
 
 
@@ -88,7 +86,7 @@ def _groups(
             f"{part}.{layer}" for layer in parts_section.layers_of_thickness(scene.parts[part], key)
         }
         if v is not None and not layers:
-            layers = {*deformed_layers(mesh, v)}
+            layers = {*morphing.deformed_layers(mesh, v)}
         shared = [group for group in groups if group[0] & layers]
         groups = [group for group in groups if group not in shared]
         names = [other for group in shared for other in group[1]]
@@ -145,7 +143,7 @@ class MovingContact:
         # Length in the scene, and movement of the nodes per length.
         self._moves: dict[str, tuple[float, Array]] = {}
         for names, shape in shapes.items():
-            if not isinstance(shape, Moving):
+            if not isinstance(shape, morphing.Moving):
                 continue
             for name, usual, v, slides in zip(
                 names, shape.usual, shape.v, shape.slides, strict=True
@@ -160,9 +158,9 @@ class MovingContact:
                             its {key} does not follow: leave that out, or run the scene once for
                             each value""")
         self.names: list[str] = list(self._moves)
-        self._latest: tuple[Array, Contact] | None = None
+        self._latest: tuple[Array, contact_elements.Contact] | None = None
 
-    def at(self, values: Mapping[str, float]) -> Contact:
+    def at(self, values: Mapping[str, float]) -> contact_elements.Contact:
         """The contact elements by the scalars that differ from the scene, SI; the latest are kept.
 
         Raises:
@@ -183,15 +181,15 @@ class MovingContact:
                 raise SceneError(f"{said}: {error}") from None
         return self._latest[1]
 
-    def _integrated(self, step: Array) -> Contact:
+    def _integrated(self, step: Array) -> contact_elements.Contact:
         """The elements where the nodes of the mesh have moved, shape (nodes, 3)."""
-        b, every = self._brake, list[Contact]()
+        b, every = self._brake, list[contact_elements.Contact]()
         x, reach = b.mesh.domain.geometry.x, FAST * float(np.linalg.norm(step, axis=1).max())
         before = x.copy()
         x += step
         try:
             for i, name in enumerate(self._scene.contact):
-                there = here = restricted(b.contact, b.contact.interface == i)
+                there = here = contact_elements.restricted(b.contact, b.contact.interface == i)
                 if name in self._interfaces:
                     there = interface_elements(
                         self._scene, name, b.mesh, b.elastic.free, MPI.COMM_SELF
@@ -202,4 +200,4 @@ class MovingContact:
                 every.append(there)
         finally:
             x[:] = before
-        return replace(join(every), g0=b.g0, uncovered=b.contact.uncovered)
+        return replace(contact_elements.join(every), g0=b.g0, uncovered=b.contact.uncovered)

@@ -10,12 +10,11 @@ nu_ij is the strain along j over that along i under a stress along i.
                                                    or C11, C22, C33, C12, C13, C23, C44, C55, C66
     cubic                   E, nu, G               or C11, C12, C44
 
-Materials of one sample: some constants of a scene's table replaced, all others kept.
-
-Engineering constants of any material that is not isotropic are the nine E_1, E_2, E_3, nu_12,
-nu_31, nu_32, G_12, G_13, G_23 (nu_ij: strain along j over that along i under a stress along i), so
-that E_3 changes at fixed E_1, nu_12, nu_31. A transversely isotropic material becomes orthotropic
-where they ask for it; a stiffness C11, ... keeps the model of the table.
+In a sample some constants of a table are replaced, all others kept. Engineering constants of any
+material that is not isotropic are the nine E_1, E_2, E_3, nu_12, nu_31, nu_32, G_12, G_13, G_23
+(nu_ij: strain along j over that along i under a stress along i), so that E_3 changes at fixed E_1,
+nu_12, nu_31. A transversely isotropic material becomes orthotropic where they ask for it; a
+stiffness C11, ... keeps the model of the table.
 """
 
 from collections.abc import Iterable, Mapping
@@ -35,10 +34,8 @@ from brake_fenicsx.macro.material import (
     rotate_about_z,
     transversely_isotropic,
 )
-from brake_fenicsx.scene import MaterialTable, Scene
+from brake_fenicsx.scene import MaterialTable, Scene, samples_section, scalars
 from brake_fenicsx.scene.samples_section import ENGINEERING as ENGINEERING_NAMES
-from brake_fenicsx.scene.samples_section import is_constant, split_key
-from brake_fenicsx.scene.scalars import written_value
 
 Value = TypeVar("Value")
 DIGITS = "0123456789"
@@ -206,16 +203,16 @@ def varied_stiffness(table: MaterialTable, values: Mapping[str, float]) -> Array
 
 def nominal_value(scene: Scene, name: str) -> float:
     """Value of a scalar in the scene, SI."""
-    if is_constant(name):
-        _, table, last = split_key(name)
+    if samples_section.is_constant(name):
+        _, table, last = samples_section.split_key(name)
         return constants(scene.materials[table])[last]
-    return written_value(scene, name)
+    return scalars.written_value(scene, name)
 
 
 def by_material(values: Mapping[str, Value]) -> dict[str, dict[str, Value]]:
     """Those of some scalars that are constants of materials: material -> constant -> value."""
     groups: dict[str, dict[str, Value]] = {}
-    for name in filter(is_constant, values):
-        _, material, constant = split_key(name)
+    for name in filter(samples_section.is_constant, values):
+        _, material, constant = samples_section.split_key(name)
         groups.setdefault(material, {})[constant] = values[name]
     return groups

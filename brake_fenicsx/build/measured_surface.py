@@ -7,7 +7,7 @@ import numpy as np
 
 from brake_fenicsx.errors import BrakeError, SceneError, SurfaceError, located
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.surface_section import Surface
+from brake_fenicsx.scene.contact_section import Surface
 from brake_fenicsx.surface.readers import read_topography
 from brake_fenicsx.surface.record import SurfaceStatistics
 from brake_fenicsx.surface.statistics import averaged, characterise, given_statistics

@@ -14,10 +14,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from brake_fenicsx.arguments import Array, Complex
-from brake_fenicsx.macro.contact_elements import Contact
-from brake_fenicsx.macro.elasticity import layer_masses
+from brake_fenicsx.macro import contact_elements, contact_forces, elasticity
 from brake_fenicsx.macro.material import Material
-from brake_fenicsx.macro.sliding_friction import SlidingFriction
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import SPEED
 from brake_fenicsx.stability.derivatives import bilinear
@@ -57,7 +55,7 @@ class ParametricBrake(Brake):
         """Mass of each layer, and of bodies given by matrices [kg], shape (dofs, dofs)."""
         density = {name: m.rho for name, m in self.materials.items()}
         lumped = self.scene.mesh.mass == "lumped"
-        found = layer_masses(self.mesh, self.elastic.free, density, lumped)
+        found = elasticity.layer_masses(self.mesh, self.elastic.free, density, lumped)
         return found | self.elastic.masses
 
     @cached_property
@@ -100,7 +98,7 @@ class BrakeAt:
         self.own_bodies: bool = brake.changes.changed_by(values)
 
     @cached_property
-    def contact(self) -> Contact:
+    def contact(self) -> contact_elements.Contact:
         """Contact elements."""
         return self.reference.changes.contact.at(self.values)
 
@@ -131,7 +129,7 @@ class BrakeAt:
         change = self.reference.changes.change(self.values, "M") if self.own_bodies else None
         return self.reference.M if change is None else (self.reference.M + change).tocsr()
 
-    def C(self, friction: SlidingFriction, p: Array) -> sp.csr_matrix | None:
+    def C(self, friction: contact_forces.SlidingFriction, p: Array) -> sp.csr_matrix | None:
         """Damping at an equilibrium [N s/m], likewise; None where nothing damps the sample.
 
         Args:
@@ -141,7 +139,7 @@ class BrakeAt:
         change = self.reference.changes.change(self.values, "C") if self.values else None
         return self.reference.terms.matrix(self.contact, friction, p, change)
 
-    def rates(self, friction: SlidingFriction, p: Array) -> tuple[Array, Array]:
+    def rates(self, friction: contact_forces.SlidingFriction, p: Array) -> tuple[Array, Array]:
         """Factors of slip rates that the damping of the scene names; see there."""
         return friction.rates(p, self.reference.terms.turns, self.reference.terms.falls)
 

@@ -12,14 +12,10 @@ from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError, lines, located
 from brake_fenicsx.extensions import provided
 from brake_fenicsx.macro.morphing import EVEN
-from brake_fenicsx.meshing import brake_mesh
+from brake_fenicsx.meshing import brake_mesh, gmsh_mesh, rawmesh
 from brake_fenicsx.meshing.brake_mesh import Builder, Mesh, known_names, raw_mesh
-from brake_fenicsx.meshing.gmsh_mesh import MeshSettings, gmsh_session
 from brake_fenicsx.meshing.groups import GroupedFile, mesh_of_file
-from brake_fenicsx.meshing.rawmesh import RawMesh, joined
-from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.parts_section import MeshTable
-from brake_fenicsx.scene.units import to_si
+from brake_fenicsx.scene import Scene, parts_section, units
 
 
 def scene_parts(scene: Scene) -> dict[str, Builder]:
@@ -38,10 +34,10 @@ def file_parts(scene: Scene) -> list[str]:
     ]
 
 
-def mesh_settings(scene: Scene) -> MeshSettings:
+def mesh_settings(scene: Scene) -> gmsh_mesh.MeshSettings:
     """How the parts of a scene are meshed."""
     table = scene.mesh
-    return MeshSettings(table.cells, table.order, table.growth, table.quality)
+    return gmsh_mesh.MeshSettings(table.cells, table.order, table.growth, table.quality)
 
 
 def scene_mesh(scene: Scene, comm: MPI.Comm) -> Mesh:
@@ -54,7 +50,7 @@ def scene_mesh(scene: Scene, comm: MPI.Comm) -> Mesh:
         return brake_mesh.tagged_mesh(lambda: scene_raw_mesh(scene), comm, mesh_settings(scene))
 
 
-def scene_raw_mesh(scene: Scene) -> RawMesh:
+def scene_raw_mesh(scene: Scene) -> rawmesh.RawMesh:
     """Plain mesh of all parts, on this process.
 
     Raises:
@@ -71,7 +67,7 @@ def scene_raw_mesh(scene: Scene) -> RawMesh:
         cells = "tetrahedra" if read.shape == "tetrahedron" else "hexahedra"
         raise SceneError(f"""mesh.file: its cells are {cells} of order {read.order}, those of the
             builders are not; write mesh.cells = "{cells}" and mesh.order = {read.order}""")
-    return joined([made, read])
+    return rawmesh.joined([made, read])
 
 
 def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> list[str]:
@@ -115,7 +111,7 @@ def cut_loads(scene: Scene) -> Iterator[str]:
     Returns:
         Key, share that is left, and the force; nothing where every face is whole.
     """
-    with gmsh_session() as gmsh:
+    with gmsh_mesh.gmsh_session() as gmsh:
         for name, (builder, values) in scene_parts(scene).items():
             if not hasattr(builder, "cut_faces"):
                 continue
@@ -129,7 +125,7 @@ def cut_loads(scene: Scene) -> Iterator[str]:
                         {load.pressure * whole:.0f} N"""
 
 
-def grouped_file(folder: Path, table: MeshTable) -> GroupedFile:
+def grouped_file(folder: Path, table: parts_section.MeshTable) -> GroupedFile:
     """The mesh file of a scene and its groups.
 
     Args:
@@ -142,13 +138,13 @@ def grouped_file(folder: Path, table: MeshTable) -> GroupedFile:
     if table.unit is None:
         raise SceneError('mesh.unit: missing; write the unit of the file\'s lengths, as "mm"')
     with located(f"mesh.unit = {table.unit!r}", ValueError):
-        metres = to_si(f"1 {table.unit}", "m")
+        metres = units.to_si(f"1 {table.unit}", "m")
     file, unit = str(table.file), table.unit
     groups = {name: t if isinstance(t, str) else [*t] for name, t in table.groups.items()}
     return GroupedFile(folder, file, unit, metres, table.extent, groups, table.split)
 
 
-def _movement(scene: Scene, read: RawMesh, part: str, name: str) -> Array:
+def _movement(scene: Scene, read: rawmesh.RawMesh, part: str, name: str) -> Array:
     """Movement of the nodes of a mesh file per length [m/m], shape (nodes, 3).
 
     Raises:
@@ -169,7 +165,7 @@ def _movement(scene: Scene, read: RawMesh, part: str, name: str) -> Array:
     return np.asarray(step / (morph.ends[1] - morph.ends[0]))
 
 
-def file_mesh(scene: Scene) -> tuple[RawMesh, dict[str, Array]]:
+def file_mesh(scene: Scene) -> tuple[rawmesh.RawMesh, dict[str, Array]]:
     """Mesh of the mesh file, its nodes where the lengths of the scene have them.
 
     Returns:

@@ -24,10 +24,8 @@ from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import InaccurateResult, SceneError, located
 from brake_fenicsx.extensions import InputLaw
 from brake_fenicsx.macro.material import Material
-from brake_fenicsx.scene import Distribution, Scene
+from brake_fenicsx.scene import Distribution, Scene, scalars, units
 from brake_fenicsx.scene.samples_section import Range, below_least, is_constant, split_key, unit_of
-from brake_fenicsx.scene.scalars import SPEED, changes_bodies, is_inertia, is_length
-from brake_fenicsx.scene.units import quantity_text
 
 from .material_table import by_material, nominal_value, stiffness, varied_stiffness
 
@@ -100,7 +98,7 @@ class Values(dict[str, float]):
             if is_constant(name):
                 continue
             wrong = below_least(name, value)
-            if name == SPEED:
+            if name == scalars.SPEED:
                 same = value * nominal_value(self.scene, name) > 0
                 wrong = "" if same else "must not be zero, and have the scene's sign"
             if wrong:
@@ -167,7 +165,7 @@ class Box:
     def __init__(self, scene: Scene):
         """Span the box by the distributions and the swept values of the scalars."""
         self._scene = scene
-        self.names: list[str] = [n for n in scene.varied if changes_bodies(scene, n)]
+        self.names: list[str] = [n for n in scene.varied if scalars.changes_bodies(scene, n)]
         ends = []
         for name in self.names:
             values = [_scaled(name, v) for v in _spanning(scene, name)]
@@ -270,7 +268,7 @@ def _spanning(scene: Scene, name: str) -> list[float]:
         values += [x * v / nominal for x in scene.spanned[name] for v in scatter] + [nominal]
     least = min(values)
     possible = least >= 0 if name.endswith(".mass") else least > 0
-    if not possible and (is_length(name) or is_inertia(name) or _is_modulus(name)):
+    if not possible and (scalars.is_length(name) or scalars.is_inertia(name) or _is_modulus(name)):
         where = 'samples.random."{}"' if law is not None else 'sweep.parameters."{}"'
         raise SceneError(f"""{where.format(name)}: the law reaches {_text(name, least)} with a
             probability of {TAIL:g}; write a positive min, or a smaller sd""")
@@ -279,19 +277,19 @@ def _spanning(scene: Scene, name: str) -> list[float]:
 
 def _text(name: str, value: float) -> str:
     """Three digits of a scalar, in its usual unit."""
-    return quantity_text(float(f"{value:.3g}"), unit_of(name))
+    return units.quantity_text(float(f"{value:.3g}"), unit_of(name))
 
 
 def _scaled(name: str, value: float) -> float:
     """E^-1/2 of a modulus, the logarithm of a thickness, any other constant itself."""
-    if is_length(name):
+    if scalars.is_length(name):
         return float(np.log(value))
     return value**-0.5 if _is_modulus(name) and value > 0 else value
 
 
 def _unscaled(name: str, value: float) -> float:
     """The constant of a scaled value."""
-    if is_length(name):
+    if scalars.is_length(name):
         return float(np.exp(value))
     return value**-2.0 if _is_modulus(name) and value > 0 else value
 

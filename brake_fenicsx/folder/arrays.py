@@ -1,10 +1,17 @@
-"""The one opener of array files, our own and foreign ones, and what is said of one that is damaged.
+"""The one opener of files of numbers, our own and foreign ones: archives of arrays, and tables.
 
 A file is parsed and never executed: no pickled objects, no links of HDF5 to other files. It is not
 believed about its size: what an array declares is compared with the bytes that are there before
 memory is taken, and may be larger than these, where they are compressed, by ``RATIO`` at most.
+
+A table has a heading; its cells are separated by commas, or by semicolons or tabs, beside which
+decimals may have commas. Empty lines, and those that begin with #, are left out; what a row lacks
+at its end is empty.
 """
 
+from __future__ import annotations
+
+import csv
 import io
 import math
 import mmap
@@ -13,16 +20,17 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import BrakeError, SceneError
 
-from .log import short_line
-from .processes import mapped_files
+from . import log, processes
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 Source = Path | IO[bytes]
@@ -36,6 +44,77 @@ HEADER = 2**16  # bytes in which the header of a npy file ends
 COPY = "copy it again, or export it once more"
 # NumPy gives its own file format no types.
 npy: Any = np.lib.format
+
+
+@dataclass(frozen=True, slots=True)
+class TextTable:
+    """Cells of a table, as texts.
+
+    Attributes:
+        source: the file, or what else stands in messages.
+        heading: names of the columns.
+        rows: cells below it, as many in each row.
+        lines: number of each row in the file, as editors count.
+        decimal: sign between whole numbers and decimals.
+    """
+
+    source: Path
+    heading: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    lines: Sequence[int]
+    decimal: str = "."
+
+    @classmethod
+    def read(cls, file: Path) -> TextTable:
+        """Read a file.
+
+        Raises:
+            SceneError: file, line and remedy: no text, no row, a heading twice, or a row with more
+                cells than the heading has.
+        """
+        with reading(file, "as a table"):
+            text = file.read_text("utf-8-sig").splitlines()
+        lines = [i for i, line in enumerate(text, 1) if line.strip() and line.lstrip()[0] != "#"]
+        shown = [text[i - 1] for i in lines]
+        delimiter = next((c for c in ";\t" if shown and c in shown[0]), ",")
+        heading, *rows = [
+            [cell.strip() for cell in row] for row in csv.reader(shown, delimiter=delimiter)
+        ] or [[]]
+        if not rows or len({*heading}) < len(heading):
+            what = "has a heading twice" if rows else "contains no line of values below a heading"
+            raise SceneError(f"{file}: {what}; write one heading, and a line for each row below it")
+        for line, row in zip(lines[1:], rows, strict=True):
+            if len(row) > len(heading):
+                raise SceneError(f"""{file}: line {line}: more cells than the heading has; write
+                    decimals with a point, or semicolons between the cells""")
+            row += [""] * (len(heading) - len(row))
+        return cls(file, heading, rows, lines[1:], "." if delimiter == "," else ",")
+
+    def texts(self, name: str) -> list[str]:
+        """Cells of the column ``name``; empty ones where there is none."""
+        k = self.heading.index(name) if name in self.heading else None
+        return ["" if k is None else row[k] for row in self.rows]
+
+    def numbers(self, name: str, optional: bool = False, positive: bool = False) -> Array:
+        """Finite numbers of a column, shape (rows,).
+
+        Args:
+            name: its heading.
+            optional: whether cells may be empty, which makes nan.
+            positive: whether other numbers are refused.
+
+        Raises:
+            SceneError: file, line, heading and cell of what is no such number.
+        """
+        out = np.full(len(self.rows), np.nan)
+        for i, cell in enumerate(self.texts(name)):
+            if cell or not optional:
+                with suppress(ValueError):
+                    out[i] = float(cell.replace(self.decimal, "."))
+                if not np.isfinite(out[i]) or (positive and out[i] <= 0):
+                    where = f"{self.source}: line {self.lines[i]}: {name} = {cell!r}"
+                    raise SceneError(f"{where}: write a {'positive ' * positive}number")
+        return out
 
 
 @contextmanager
@@ -77,7 +156,7 @@ def why(error: BaseException) -> str:
         return "it needs more memory than there is"
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
-    text = short_line(str(error))
+    text = log.short_line(str(error))
     plain = isinstance(error, ValueError | OSError) and text
     return text if plain else f"{type(error).__name__}{text and ': '}{text}"
 
@@ -222,7 +301,7 @@ def _header(stream: Any, size: int) -> tuple[tuple[int, ...], bool, np.dtype[Any
 def _content(archive: zipfile.ZipFile) -> mmap.mmap:
     """An archive mapped into memory."""
     content = mmap.mmap(archive.fp.fileno(), 0, access=mmap.ACCESS_READ)  # type: ignore[union-attr]
-    mapped_files.add(content)
+    processes.mapped_files.add(content)
     return content
 
 

@@ -160,7 +160,7 @@ class Lock:
         Returns:
             None if this run has it now, else the name of the run that has it.
         """
-        path = self._claim(work)
+        path = self.folder / f"{work}{_CLAIM}"
         for _ in range(2):
             try:
                 with path.open("x") as file:
@@ -223,9 +223,6 @@ class Lock:
 
     def _file(self, name: str) -> Path:
         return self.folder / f"{name}{_RUN}"
-
-    def _claim(self, work: str) -> Path:
-        return self.folder / f"{work}{_CLAIM}"
 
     def _beat(self) -> None:
         while not self._ended.wait(BEAT):

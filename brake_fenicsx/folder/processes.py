@@ -1,16 +1,15 @@
-"""Processes of a run: work that they take in turns, and their memory.
+"""Processes of a run: work that they take in turns, their memory, their early end.
 
-A result, or what went wrong, reaches all of them.
+A result of work in turns, or what went wrong, reaches all of them.
 
 SuperLU_DIST, which PETSc loads, tells the C library to keep whatever is freed (mallopt: no mmap, no
 trimming). A process then holds its peak to its end, and peaks of several processes add up although
 they come at different times. Here large blocks get pages of their own again, which go back when
 they are freed.
 
-The early end of a run: SIGTERM, as a batch system sends it, or a limit of time.
-
-At SIGTERM, while samples are computed the sample at hand is finished and stored, and none is begun
-after it; elsewhere, and at the second signal, the run ends at once.
+A run ends early at SIGTERM, as a batch system sends it, or at a limit of time. At SIGTERM, while
+samples are computed the sample at hand is finished and stored, and none is begun after it;
+elsewhere, and at the second signal, the run ends at once.
 """
 
 from __future__ import annotations

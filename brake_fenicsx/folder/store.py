@@ -1,4 +1,4 @@
-"""The results folder: every file appears whole or not at all, and a killed run finds its own.
+"""The results folder: files appear whole, a killed run finds its own, and tells how far it is.
 
 A run enters it alone, or as one of several shares of the samples.
 
@@ -7,8 +7,6 @@ running/              the runs at work in the folder (lock.py)
 surface.npz laws.npz  stages surface and micro
 cache/                what all samples share (interface compliance, reduced basis)
 samples/              finished samples (sample_files.py)
-
-How far a run is: samples done, who is at work, time to go; nothing is written.
 """
 
 from __future__ import annotations

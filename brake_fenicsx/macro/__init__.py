@@ -1,14 +1,7 @@
 """Operators -> braking equilibrium."""
 
 from brake_fenicsx.macro.braking import equilibrium
-from brake_fenicsx.macro.equilibrium import Equilibrium, displacement
-from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
+from brake_fenicsx.macro.contact_forces import EnrichedGap, draw_critical_gaps, draw_waviness
+from brake_fenicsx.macro.equilibrium import displacement
 
-__all__ = [
-    "EnrichedGap",
-    "Equilibrium",
-    "displacement",
-    "draw_critical_gaps",
-    "draw_waviness",
-    "equilibrium",
-]
+__all__ = ["EnrichedGap", "displacement", "draw_critical_gaps", "draw_waviness", "equilibrium"]

@@ -14,10 +14,9 @@ from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.micro.combined import OneLaw, join_laws
 from brake_fenicsx.micro.law import Law, Laws, separations_at
 
-from .condensation import Compliance, compliance
-from .equilibrium import Equilibrium, displacement, raised_friction
+from .contact_forces import EnrichedGap
+from .equilibrium import Compliance, Equilibrium, compliance, displacement, raised_friction
 from .equilibrium import equilibrium as solve
-from .gap import EnrichedGap
 
 
 def equilibrium(

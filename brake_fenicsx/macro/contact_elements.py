@@ -11,18 +11,16 @@ share of the area around the node. It does not pass a uniform pressure exactly.
 
 n points from disc to pad, a positive gap is open, and slip is pad minus disc.
 
-Interfaces whose faces stick: tangential springs before slip, and how far that holds.
-
-The law of the contact acts along the normal, as everywhere. Along the faces every contact element
-of area w has the traction k_t times its slip, that of the first face less that of the second,
+Faces of an interface may stick. The law of the contact then acts along the normal, as everywhere,
+and tangential springs before slip along the faces: every contact element of area w has the traction
+k_t times its slip, that of the first face less that of the second,
 
     K <- K + sum w k_t (T'T + R'R),
 
 in the equilibrium and in the modes, whether the element is open or not and however large its slip:
 the state at equilibrium says where that is wrong, |k_t slip| > mu p (Coulomb) or p = 0.
 
-Forces of the braking equilibrium on each pad: normal force, friction, torque, where they act.
-
+Forces on each pad are the normal force, friction and torque of the equilibrium, and where they act.
 The disc's material enters beneath the pad at the leading edge and leaves at the trailing one: the
 sliding direction s, the disc's velocity relative to the pad, points from the first to the second.
 """
@@ -40,10 +38,10 @@ from brake_fenicsx.arguments import Array, Ints, Mask
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.brake_mesh import Mesh
 
+from .contact_forces import Motion, Rotation, slip_frame
 from .elasticity import FreeDofs
 from .faces import directions_across, gather_face
 from .integrals import Integrals, facet_integrals, node_integrals
-from .sliding_friction import Motion, Rotation, slip_frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,10 +154,8 @@ def _elements(parts: Integrals, dofs: int, motion: Motion | None) -> Contact:
             jump = sign * _operator(size, row, columns[..., c], weight)
             T, R = T + sp.diags(s[:, c]) @ jump, R + sp.diags(r[:, c]) @ jump
     N, T, R = (A.tocsr() for A in (N, T, R))
-    return Contact(
-        N, T, R, parts.w, parts.g0, parts.points, n, s, speed,
-        np.zeros(parts.w.size, dtype=np.int64), parts.uncovered,
-    )  # fmt: skip
+    one = np.zeros(parts.w.size, dtype=np.int64)
+    return Contact(N, T, R, parts.w, parts.g0, parts.points, n, s, speed, one, parts.uncovered)
 
 
 def _operator(size: tuple[int, int], row: Ints, columns: Ints, values: Array) -> sp.csr_matrix:
@@ -332,8 +328,6 @@ def _forces(
         centre = np.asarray(force @ x / total, dtype=float)
         towards = -float(force @ along) / total
         leading = float(force[along < 0].sum() + 0.5 * force[along == 0].sum()) / total
-    return PadForces(
-        name, total, drag @ s, float(torque), float(radius), float(w[p[chosen] > 0].sum()),
-        float(w.sum()), float(p[chosen].max()), centre, towards, leading,
-        (float(edges[0]), float(edges[1])),
-    )  # fmt: skip
+    area, pressure = float(w[p[chosen] > 0].sum()), float(p[chosen].max())
+    acting = name, total, drag @ s, float(torque), float(radius), area, float(w.sum()), pressure
+    return PadForces(*acting, centre, towards, leading, (float(edges[0]), float(edges[1])))

@@ -1,16 +1,15 @@
-"""A named face of the mesh: facets with the nodes of the displacement.
+"""A named face of the mesh: facets with the nodes of the displacement, and where normals meet it.
 
 The order of the facets and of their corners comes from the mesh generator's node numbers, so that
 nothing depends on how DOLFINx numbers them. Facets are isoparametric in the displacement's nodes,
 which holds geometries of the same or of a lower degree exactly.
 
-Reference facets of the contact faces: shape functions of degree one and two, and subdivision.
+Reference facets have shape functions of degree one and two. Nodes: corners in cyclic order, then
+(degree two) middles of edges, then the centre of a quadrilateral. A triangle's edge a lies opposite
+to corner a, a quadrilateral's runs from a on. Reference coordinates (x, y): corners (0,0), (1,0),
+(0,1) or (0,0), (1,0), (1,1), (0,1).
 
-Nodes: corners in cyclic order, then (degree two) middles of edges, then the centre of a
-quadrilateral. A triangle's edge a lies opposite to corner a, a quadrilateral's runs from a on.
-Reference coordinates (x, y): corners (0,0), (1,0), (0,1) or (0,0), (1,0), (1,1), (0,1).
-
-Normal search: where the ray along a normal meets a face, exact for facets of degree two.
+The ray along a normal meets facets of degree two exactly.
 """
 
 from dataclasses import dataclass, replace
@@ -293,10 +292,8 @@ def _facets(mesh: Mesh, free: FreeDofs, tag: int) -> tuple[Ints, Array, Array, A
     every = compat.cell_dofs(free.V, cells)
     dofs = np.take_along_axis(every, closure[place], axis=1)
     inside = x[nodes[cells]].mean(axis=1)
-    return (
-        generator[corner], x[corner], inside, position[dofs], columns[dofs],
-        dofs.astype(np.int64),
-    )  # fmt: skip
+    numbers = dofs.astype(np.int64)
+    return generator[corner], x[corner], inside, position[dofs], columns[dofs], numbers
 
 
 def directions_across(n: Array) -> Array:

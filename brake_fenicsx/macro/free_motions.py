@@ -29,8 +29,7 @@ from scipy.spatial import cKDTree
 from brake_fenicsx import compat
 from brake_fenicsx.arguments import Array, Index
 
-from .elasticity import FreeDofs
-from .faces import body_of_nodes
+from . import elasticity, faces
 
 # Names of the parts of each body.
 Names = list[tuple[str, ...]]
@@ -85,13 +84,13 @@ def free_motions(ops: Any, given: Iterable[str]) -> FreeMotions:
     return FreeMotions(motions, pieces, _unpressed(ops, R, _triangle(joints), joined, names))
 
 
-def _rigid_motions(free: FreeDofs) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+def _rigid_motions(free: elasticity.FreeDofs) -> tuple[sp.csr_matrix, sp.csr_matrix]:
     """Six motions of each body of the mesh, and after them of those given by matrices.
 
     Returns:
         Displacements of held dofs, shape (held dofs, 6 bodies), and of free ones.
     """
-    x, body = free.V.tabulate_dof_coordinates(), body_of_nodes(free.V)
+    x, body = free.V.tabulate_dof_coordinates(), faces.body_of_nodes(free.V)
     given = free.places[:, 4].astype(np.intp) + body.max() + 1
     place = np.concatenate([np.repeat(x, 3, axis=0), free.places[:, :3]])
     direction = np.concatenate([np.tile(np.arange(3), len(x)), free.places[:, 3].astype(np.intp)])
@@ -207,7 +206,7 @@ def _names_and_pieces(
     """
     V, mesh = brake.elastic.free.V, brake.mesh
     cells = np.arange(mesh.domain.topology.index_map(mesh.domain.topology.dim).size_local)
-    body = body_of_nodes(V)[compat.cell_dofs(V, cells)[:, 0]]
+    body = faces.body_of_nodes(V)[compat.cell_dofs(V, cells)[:, 0]]
     nodes, x = compat.geometry_dofs(mesh.domain), mesh.domain.geometry.x
     names: Names = [()] * (body.max() + 1)
     pieces = {}

@@ -93,10 +93,8 @@ def facet_integrals(
     ]
     mean = [np.stack([total(v[:, c])[kept] for c in range(3)], axis=1) for v in (where, normal)]
     w = whole[kept]
-    return Integrals(
-        w, total(opening)[kept] / w, mean[0] / w[:, None], mean[1], sides,
-        float(area.sum() - w.sum()),
-    )  # fmt: skip
+    left = float(area.sum() - w.sum())
+    return Integrals(w, total(opening)[kept] / w, mean[0] / w[:, None], mean[1], sides, left)
 
 
 def node_integrals(pad: Face, disc: Face, reach: float | None) -> Integrals:

@@ -24,8 +24,7 @@ from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.meshing.brake_mesh import Mesh, check_cells
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
-from brake_fenicsx.meshing.quality import determinants
-from brake_fenicsx.meshing.rawmesh import RawMesh, body_of_points, facet_nodes
+from brake_fenicsx.meshing.rawmesh import RawMesh, body_of_points, determinants, facet_nodes
 
 from .stretching import DEGREES, Assembly, Power, matrix_series, products
 

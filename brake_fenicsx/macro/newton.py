@@ -13,7 +13,7 @@ import numpy as np
 from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import NotConverged, Separated
 
-from .gap import EnrichedGap
+from .contact_forces import EnrichedGap
 
 State = tuple[Array, Array]
 

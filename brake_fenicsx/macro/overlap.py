@@ -8,7 +8,7 @@ and the borders of the parts follow the chords.
 Common part of pairs of triangles in a plane, in batches (Sutherland-Hodgman clipping).
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -314,12 +314,6 @@ def _handed_over(disc: Face, pairs: Ints, found: Overlap) -> tuple[Overlap, Over
     owner = np.repeat(np.arange(row.size), count)
     inner = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
     facet, local, gap, _ = search(disc, x, n, owner, pairs[np.repeat(start, count) + inner, 1])
-    moved = Overlap(
-        found.pad[row], facet, found.on_pad[row, point][:, None], local[:, None],
-        found.weight[row, point][:, None], x[:, None], -n[:, None], gap[:, None],
-    )  # fmt: skip
-    stay = Overlap(
-        found.pad, found.disc, found.on_pad, found.on_disc, np.where(away, 0.0, found.weight),
-        found.x, found.n, found.gap,
-    )  # fmt: skip
-    return stay, moved
+    values = found.on_pad[row, point], local, found.weight[row, point], x, -n, gap
+    moved = Overlap(found.pad[row], facet, *(value[:, None] for value in values))
+    return replace(found, weight=np.where(away, 0.0, found.weight)), moved

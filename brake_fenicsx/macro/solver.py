@@ -1,8 +1,7 @@
-"""Factorisation (MUMPS) with solves in blocks: a single solve is bound by memory.
+"""Factorisation (MUMPS) with solves in blocks, or with the flexibility of an interface.
 
-Flexibility of the rows of an interface by one factorisation with a Schur complement (MUMPS).
-
-With B the rows, the Schur complement of
+Blocks, because a single solve is bound by memory. The flexibility of the rows B of an interface
+comes with the factorisation: the Schur complement of
 
     [ P  B' ]
     [ B  0  ]     on its last block is   -B P^-1 B',

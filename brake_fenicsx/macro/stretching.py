@@ -1,4 +1,4 @@
-"""Stiffness and mass of a layer over its thickness.
+"""Stiffness and mass of a layer over its thickness, and their series over several variables.
 
 Stretched by s along z, a body has derivatives along z that are 1/s of what they were, and s times
 its volume. Strains are linear in derivatives, so that with any quadrature, to round-off,
@@ -7,9 +7,8 @@ its volume. Strains are linear in derivatives, so that with any quadrature, to r
 
 What lies on a stretched layer is shifted along z, which changes neither.
 
-Chebyshev series of a sparse matrix over some variables in [-1, 1].
-
-Each variable alone tells the degree that it needs; of several the series is one of products up to a
+The series is one of Chebyshev polynomials over variables in [-1, 1]. Each variable alone tells the
+degree that it needs; of several the series is one of products up to a
 total share of these degrees, through points that elimination with pivoting chooses (Sommariva and
 Vianello, Comput. Math. Appl. 57, 1324, 2009: approximate Fekete points). The error of an entry is
 measured between the points, and products that matter for no entry are left out: variables that meet

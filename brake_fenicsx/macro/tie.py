@@ -1,8 +1,9 @@
-"""Two faces glued together, whose meshes need not match: a consistent stiff layer.
+"""Faces that act on one another as wholes: glued by a stiff layer, or by their mean motions.
 
-The layer has the virtual work kappa times the integral of jump(u) . jump(v) over the common part of
-the faces, with all three components of the jump at the quadrature points of the clipped facets
-(``overlap``). It passes a uniform traction sigma exactly, with the jump sigma / kappa.
+Of faces glued together, whose meshes need not match, the layer has the virtual work kappa times the
+integral of jump(u) . jump(v) over the common part of the faces, with all three components of the
+jump at the quadrature points of the clipped facets (``overlap``). It passes a uniform traction
+sigma exactly, with the jump sigma / kappa.
 
 A point x of the first face and its partner y on the second may lie a small distance apart. The jump
 is that of u_1(x) and of u_2(y) carried to x by the rotation of the second face,
@@ -13,10 +14,9 @@ n the normal of the second face at y and grad the gradient in its surface, so th
 of both bodies strains the layer, curved faces or faces with a gap included. (For a rigid motion the
 sum is 2 omega less its part in the surface.)
 
-Mean displacement and mean rotation of a face: what springs between faces and inertia act on.
-
-The mean displacement is that over the area. The mean rotation theta about the centroid is that of
-the rigid motion nearest to the displacement u over the area,
+Springs between faces and inertia act on mean motions. The mean displacement is that over the area.
+The mean rotation theta about the centroid is that of the rigid motion nearest to the displacement u
+over the area,
 
     S theta = integral of r x u,     S = integral of (r.r 1 - r r'),
 
@@ -36,10 +36,8 @@ from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.brake_mesh import Mesh
 
-from .elasticity import FreeDofs
+from . import elasticity, integrals, material
 from .faces import Face, gather_face
-from .integrals import facet_areas, facet_rule
-from .material import Material
 from .overlap import Overlap, facing_pairs, overlap, rule
 
 # Stiffness of a layer that a scene gives none for: this multiple of E / h. See docs/meshes.md for
@@ -84,9 +82,9 @@ class GluedFaces:
 
 def tied_faces(
     mesh: Mesh,
-    free: FreeDofs,
+    free: elasticity.FreeDofs,
     faces: tuple[str, str],
-    materials: Mapping[str, Material],
+    materials: Mapping[str, material.Material],
     stiffness: float | None = None,
     search: float | None = None,
 ) -> GluedFaces:
@@ -108,7 +106,7 @@ def tied_faces(
         SceneError: unknown face, or faces that nowhere lie that close to each other.
     """
     first, second = (gather_face(mesh, free, face) for face in faces)
-    areas = [facet_areas(face) for face in (first, second)]
+    areas = [integrals.facet_areas(face) for face in (first, second)]
     sides = [float(np.sqrt(area.mean())) for area in areas]
     if stiffness is None:
         stiffness = STIFF * _stiffest(faces, materials) / min(sides)
@@ -135,7 +133,7 @@ def tied_faces(
     )
 
 
-def _stiffest(faces: tuple[str, str], materials: Mapping[str, Material]) -> float:
+def _stiffest(faces: tuple[str, str], materials: Mapping[str, material.Material]) -> float:
     """Largest C_ii [Pa] of the layers of the parts of two faces."""
     parts = {face.partition(".")[0] for face in faces}
     C = [m.C for name, m in materials.items() if name.partition(".")[0] in parts]
@@ -265,7 +263,7 @@ def check_size(faces: list[Face]) -> None:
 
 def _points(face: Face) -> tuple[Array, Array, Array]:
     """Areas [m^2], distances from the centroid [m] and shape functions at points of every facet."""
-    x, w = facet_rule(face.element.corners)
+    x, w = integrals.facet_rule(face.element.corners)
     where, _, ratio = face.everywhere(x)
     area = ratio * w
     centre = np.einsum("fq,fqc->c", area, where) / area.sum()

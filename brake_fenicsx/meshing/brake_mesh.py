@@ -20,8 +20,7 @@ from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.geometry.part import PartEntities, Swept
 
 from .gmsh_mesh import MeshSettings, built_part, discrete_model, gmsh_session, mesh_part
-from .quality import Quality, orientation, quality, volumes
-from .rawmesh import RawMesh, Unread, facet_nodes, joined
+from .rawmesh import Quality, RawMesh, Unread, facet_nodes, joined, orientation, quality, volumes
 
 
 class PartBuilder(Protocol):
@@ -155,12 +154,10 @@ def tagged_mesh(make: Callable[[], RawMesh], comm: MPI.Comm, table: MeshSettings
         model = discrete_model(gmsh, raw, facets)
         domain, cell_tags, facet_tags = compat.mesh_from_gmsh(model)
     volume = volumes(raw)
-    return Mesh(
-        domain, cell_tags, facet_tags, raw.layers, raw.faces, worst.worst, worst, raw.shape,
-        {n: float(volume[raw.cell_tag == tag].sum()) for n, tag in raw.layers.items()},
-        {n: extent(raw.points[raw.cells[raw.part(n)].reshape(-1)]) for n in raw.parts()},
-        raw.unread, raw,
-    )  # fmt: skip
+    filled = {n: float(volume[raw.cell_tag == tag].sum()) for n, tag in raw.layers.items()}
+    sizes = {n: extent(raw.points[raw.cells[raw.part(n)].reshape(-1)]) for n in raw.parts()}
+    tagged = domain, cell_tags, facet_tags, raw.layers, raw.faces, worst.worst, worst, raw.shape
+    return Mesh(*tagged, filled, sizes, raw.unread, raw)
 
 
 def extent(points: AnyArray) -> tuple[float, ...]:

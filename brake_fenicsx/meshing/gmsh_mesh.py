@@ -13,8 +13,7 @@ import numpy as np
 from brake_fenicsx.arguments import AnyArray, Array, Ints
 from brake_fenicsx.geometry.part import PartEntities, Swept
 
-from .quality import quality
-from .rawmesh import RawMesh, with_mirror_image, without_unused_nodes
+from .rawmesh import RawMesh, quality, with_mirror_image, without_unused_nodes
 from .swept import Footprint, sweep
 
 logger = logging.getLogger(__name__)
@@ -290,11 +289,10 @@ def gathered(
     cells, cell_tag = collect(3, volumes, CELL_TYPE[shape, order])
     facets, facet_tag = collect(2, faces, FACET_TYPE[shape, order])
     corners = 3 if shape == "tetrahedron" else 4
-    mesh = RawMesh(
-        x, shape, cells, cell_tag, facets[:, :corners], facet_tag,
-        {f"{part}.{name}": i for i, name in enumerate(volumes, 1)},
-        {f"{part}.{name}": i for i, name in enumerate(faces, 1)},
-    )  # fmt: skip
+    layers, named = (
+        {f"{part}.{name}": i for i, name in enumerate(of, 1)} for of in (volumes, faces)
+    )
+    mesh = RawMesh(x, shape, cells, cell_tag, facets[:, :corners], facet_tag, layers, named)
     # gmsh may leave nodes behind that no cell has; DOLFINx crashes on them.
     return without_unused_nodes(mesh)
 

@@ -14,8 +14,15 @@ from brake_fenicsx.extensions import extras, load
 
 from .filemesh import NO_CELLS, FileMesh, completed
 from .meshfile import read_mesh_file
-from .quality import orientation
-from .rawmesh import RawMesh, exterior_facets, facet_keys, facet_nodes, turned, without_unused_nodes
+from .rawmesh import (
+    RawMesh,
+    exterior_facets,
+    facet_keys,
+    facet_nodes,
+    orientation,
+    turned,
+    without_unused_nodes,
+)
 
 Faces = dict[str, Ints]
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from brake_fenicsx.arguments import Array, Ints
 
-from .quality import orientation
-from .rawmesh import CORNERS, MIDDLES, RawMesh, turned, without_unused_nodes
+from .rawmesh import CORNERS, MIDDLES, RawMesh, orientation, turned, without_unused_nodes
 
 # Nodes of a plane element -> its corners and order.
 PLANE = {3: (3, 1), 6: (3, 2), 4: (4, 1), 9: (4, 2)}
@@ -70,13 +69,12 @@ def sweep(plane: Footprint, swept: Any, part: str) -> RawMesh:
             found = _face(plane, place, spans[place.slab], n)
             facets.append(found)
             facet_tags.append(np.full(len(found), tag))
-    mesh = RawMesh(
-        _placed(points, swept), "hexahedron" if sides == 4 else "tetrahedron",
-        np.concatenate(cells), np.concatenate(tags),
-        np.concatenate(facets), np.concatenate(facet_tags),
-        {f"{part}.{name}": i for i, name in enumerate(swept.layers, 1)},
-        {f"{part}.{name}": i for i, name in enumerate(swept.faces, 1)},
-    )  # fmt: skip
+    x, shape = _placed(points, swept), "hexahedron" if sides == 4 else "tetrahedron"
+    inner = np.concatenate(cells), np.concatenate(tags)
+    outer = np.concatenate(facets), np.concatenate(facet_tags)
+    layers = {f"{part}.{name}": i for i, name in enumerate(swept.layers, 1)}
+    faces = {f"{part}.{name}": i for i, name in enumerate(swept.faces, 1)}
+    mesh = RawMesh(x, shape, *inner, *outer, layers, faces)
     mesh = without_unused_nodes(mesh)
     return turned(mesh, orientation(mesh) < 0)
 

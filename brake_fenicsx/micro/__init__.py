@@ -7,17 +7,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .combined import (
-        ExponentialLaw,
-        LinearLaw,
-        OneLaw,
-        exponential_law,
-        join_laws,
-        linear_law,
-        scaled_laws,
-    )
-    from .hardness import HardnessFit, fit_hardness
-    from .law import ComputedLaw, Law, LawLibrary, Laws, LawSteps, make_library
+    from .combined import OneLaw, exponential_law, join_laws, linear_law, scaled_laws
+    from .hardness import fit_hardness
+    from .law import Law, LawLibrary, LawSteps, make_library
     from .law_of_surface import (
         LawSettings,
         contact_law,
@@ -26,11 +18,10 @@ if TYPE_CHECKING:
         transversely_isotropic_modulus,
     )
     from .library import LawRecipe, force_above, law_library, load_laws, save_laws
-    from .loading import ContactSolution, solve_contact
+    from .loading import solve_contact
 
 __all__ = [
-    "ComputedLaw", "ContactSolution", "ExponentialLaw", "HardnessFit", "Law", "LawLibrary",
-    "LawRecipe", "LawSettings", "LawSteps", "Laws", "LinearLaw", "OneLaw", "contact_law",
+    "Law", "LawLibrary", "LawRecipe", "LawSettings", "LawSteps", "OneLaw", "contact_law",
     "exponential_law", "fit_hardness", "force_above", "join_laws", "law_library", "law_steps",
     "linear_law", "load_laws", "make_library", "plane_strain_modulus", "save_laws", "scaled_laws",
     "solve_contact", "transversely_isotropic_modulus",

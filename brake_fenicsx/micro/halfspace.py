@@ -145,7 +145,9 @@ class HalfSpace:
         self.shape, self.pixel, self.boundary = shape, np.asarray(pixel, dtype=float), boundary
         if boundary == "free":
             padded = (_fast(2 * shape[0] - 1), _fast(2 * shape[1] - 1))
-            kernel = _free_kernel(padded, self.pixel)
+            # Love's displacement at all offsets of the padded grid, wrapped around.
+            i, j = (np.minimum(np.arange(n), n - np.arange(n)) for n in padded)
+            kernel = love(i[:, None] * self.pixel[0], j * self.pixel[1], *self.pixel)
             symbol = scipy.fft.rfft2(kernel).real.copy()
         else:
             padded = shape
@@ -293,12 +295,6 @@ def _corner(x: Array, y: Array) -> Array:
     tiny = np.finfo(float).tiny
     t = np.arcsinh(ay / np.maximum(ax, tiny)) * ax + np.arcsinh(ax / np.maximum(ay, tiny)) * ay
     return np.asarray(np.where((ax == 0) | (ay == 0), 0.0, np.sign(x) * np.sign(y) * t))
-
-
-def _free_kernel(padded: tuple[int, int], pixel: Array) -> Array:
-    """Love's displacement [m] at all offsets of the padded grid, wrapped around."""
-    i, j = (np.minimum(np.arange(n), n - np.arange(n)) for n in padded)
-    return love(i[:, None] * pixel[0], j[None, :] * pixel[1], pixel[0], pixel[1])
 
 
 def _fast(n: int) -> int:

@@ -18,10 +18,8 @@ from scipy.stats import t as student
 
 from brake_fenicsx.arguments import Array, Mask, number, positive
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.arrays import reading
-from brake_fenicsx.folder.text_tables import TextTable
-from brake_fenicsx.micro.halfspace import half_space_of
-from brake_fenicsx.micro.library import LawRecipe
+from brake_fenicsx.folder.arrays import TextTable, reading
+from brake_fenicsx.micro import halfspace, library
 from brake_fenicsx.micro.loading import solve_contact
 
 HARDNESSES = 3e7 * 2.0 ** np.arange(7)  # computed [Pa]; interpolated between
@@ -55,7 +53,7 @@ class HardnessFit:
 
 
 def fit_hardness(
-    curve: Array | str | Path, recipe: LawRecipe, bulk_stiffness: float | None = None,
+    curve: Array | str | Path, recipe: library.LawRecipe, bulk_stiffness: float | None = None,
     surfaces: int = 6, seed: int = 0,
 ) -> HardnessFit:  # fmt: skip
     """Fit the hardness to one cycle of pressing a pad against a plane.
@@ -149,13 +147,13 @@ def _checked(curve: Array | str | Path) -> tuple[Array, Array, Mask]:
     return p, closure, np.arange(p.size) > top
 
 
-def _approach(recipe: LawRecipe, seed: int, i: int, hardness: float, nodes: Array) -> Array:
+def _approach(recipe: library.LawRecipe, seed: int, i: int, hardness: float, nodes: Array) -> Array:
     """Approach of the plane [m] at the pressures while they rise and while they fall, (2, n)."""
     topo, settings = recipe.surface(seed, i), recipe.settings
     size, h = topo.size, topo.heights - topo.heights.mean()
     punch = 0.0
     if settings.boundary == "free":  # the sinking of the whole patch belongs to the bulk
-        punch = half_space_of(h, size, "free").punch * h.size / settings.E_star
+        punch = halfspace.half_space_of(h, size, "free").punch * h.size / settings.E_star
     result = np.empty((2, nodes.size))
     start, base = np.zeros_like(h), h
     for branch, order in ((0, range(nodes.size)), (1, reversed(range(nodes.size)))):

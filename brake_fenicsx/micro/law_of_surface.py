@@ -1,4 +1,4 @@
-"""From a rough surface to its law of pressure over separation.
+"""From a rough surface to its law of pressure over separation: how it is pressed, and read.
 
 At the pressures of braking few points touch, and each of them is a summit that only a fine grid
 resolves; at high pressures many touch, and the long waves decide. So a fine surface is pressed on
@@ -7,9 +7,8 @@ grid, and so on. Each coarser law is moved along the separation so that the pres
 and its stiffness of vibrations, which lacks the shorter waves, is multiplied by the ratio of both
 grids at the join.
 
-Stiffness of small vibrations as a smooth function of the separation.
-
-While few pixels touch, a law is a staircase: every pixel that comes into contact is a corner of
+The stiffness of small vibrations is a smooth function of the separation. While few pixels touch, a
+law is a staircase: every pixel that comes into contact is a corner of
 p(d), and its slope jumps there. The corners belong to the pixels: the summits of a facet of a brake
 are rounded and come into contact gradually. The modes therefore read the slope of the local
 regression line over a third of a decade of pressure, not the slope between two corners. Under a
@@ -18,8 +17,6 @@ derivative needs the line.
 
 Reference: W. S. Cleveland, J. Am. Stat. Assoc. 74 (1979) 829, doi:10.1080/01621459.1979.10481038
 (local regression).
-
-How a rough surface is pressed to get its law, and the composite modulus of the lining.
 """
 
 import logging
@@ -35,8 +32,7 @@ from brake_fenicsx.errors import SceneError, SurfaceError
 from brake_fenicsx.micro.halfspace import Boundary, HalfSpace, half_space_of
 from brake_fenicsx.micro.law import ComputedLaw, LawSteps, make_library
 from brake_fenicsx.micro.sweep import Step, given, steps_per_decade, sweep
-from brake_fenicsx.surface.iso25178 import gradients
-from brake_fenicsx.surface.topography import Topography
+from brake_fenicsx.surface import hdf, topography
 
 WIDTH = np.log(10.0) / 3.0  # of the regression over ln p
 POINTS = 40  # of the even grid of ln p over one width
@@ -223,7 +219,7 @@ def local_lines(x: Array, y: Array) -> tuple[Array, Array]:
     return (r0 * s2 - r1 * s1) / determinant, (s0 * r1 - s1 * r0) / determinant
 
 
-def contact_law(surface: Topography, E_star: float, **settings: Any) -> ComputedLaw:
+def contact_law(surface: topography.Topography, E_star: float, **settings: Any) -> ComputedLaw:
     """Law p(d) of a rough surface under a rigid plane.
 
     Args:
@@ -244,22 +240,22 @@ def contact_law(surface: Topography, E_star: float, **settings: Any) -> Computed
         >>> round(float(law.pressure(0.5e-6)) / 1e6, 1)  # [MPa] where the crests sink in by 0.5 um
         1.4
     """
-    of_kind("surface", surface, Topography, "a Topography, see surface.make_topography")
+    of_kind("surface", surface, topography.Topography, "a Topography, see surface.make_topography")
     law = make_library([law_steps(surface, LawSettings(E_star, **settings))])[0]
     for text in doubts(surface):
         logger.warning("%s", text)
     return law
 
 
-def doubts(surface: Topography) -> list[str]:
+def doubts(surface: topography.Topography) -> list[str]:
     """What is doubtful about a surface under a half-space model, one line each."""
-    slope, _ = gradients(surface.heights, surface.pixel)
+    slope, _ = hdf.gradients(surface.heights, surface.pixel)
     steep = f"{surface.source}: rms slope {slope:.2g}; the half-space supposes small slopes"
     return [*surface.warnings, *([steep] if slope > 1.0 else [])]
 
 
 def law_steps(
-    surface: Topography,
+    surface: topography.Topography,
     settings: LawSettings,
     pressure: float = np.inf,
     only: Array | None = None,
@@ -303,11 +299,9 @@ def law_steps(
         stop = round(TOUCHING * h.size / np.prod(coarser)) if more else None
         space = half_space_of(h, surface.size, settings.boundary)
         cap = None if settings.hardness is None else settings.hardness / E
-        steps = sweep(
-            space, h, first * h.size, highest / E * h.size,
-            whole if only is None else given(only / E * h.size),
-            settings.tolerance, cap, stop, last * (1.0 - 1e-9) * h.size,
-        )  # fmt: skip
+        loads = whole if only is None else given(only / E * h.size)
+        ends, beyond = (first * h.size, highest / E * h.size), last * (1.0 - 1e-9) * h.size
+        steps = sweep(space, h, *ends, loads, settings.tolerance, cap, stop, beyond)
         rows = _without_bulk(steps, space, settings)
         if table.size:
             rows[0] += table[0, -1] - rows[0, 0]
@@ -351,7 +345,7 @@ def _beyond(settings: LawSettings) -> float:
     return float(np.exp(WIDTH * (0.5 * halves + 3.0 / POINTS)))
 
 
-def first_load(h: Array, surface: Topography, settings: LawSettings) -> float:
+def first_load(h: Array, surface: topography.Topography, settings: LawSettings) -> float:
     """Mean pressure over E* of the first step [-]: one pixel, whose foot is short.
 
     One pixel of compliance c takes the sum of pressures 0.02 S_q / c over the foot.

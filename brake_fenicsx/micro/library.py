@@ -1,6 +1,4 @@
-"""Libraries of laws: many surfaces of one kind, and their files.
-
-What a law rests on: the pixels that carry it, and its scatter over scans of one surface.
+"""Libraries of laws: many surfaces of one kind, their files, and what the laws rest on.
 
 At the pressures of braking a few highest pixels of a scan carry the load. Another scan of the same
 pad has others: laws of statistics that are drawn anew (``surface.resampled``) show by how much.

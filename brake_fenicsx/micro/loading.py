@@ -15,10 +15,9 @@ import numpy as np
 
 from brake_fenicsx.arguments import Array, number, one_of, positive, real
 from brake_fenicsx.errors import NotConverged, SceneError, SurfaceError
-from brake_fenicsx.micro.active import AllPixels, HighPixels, Pixels, active_set
-from brake_fenicsx.micro.halfspace import Boundary, HalfSpace, half_space_of
+from brake_fenicsx.micro import active, halfspace
 from brake_fenicsx.micro.qp import ContactState, certify, projected_cg
-from brake_fenicsx.surface.iso25178 import gradients
+from brake_fenicsx.surface.hdf import gradients
 
 Solver = Literal["auto", "active-set", "pcg"]
 
@@ -75,7 +74,7 @@ def solve_contact(
     E_star: float,
     separation: float | None = None,
     load: float | None = None,
-    boundary: Boundary = "free",
+    boundary: halfspace.Boundary = "free",
     tol: float = 1e-8,
     solver: Solver = "auto",
     start: Array | None = None,
@@ -113,7 +112,7 @@ def solve_contact(
     began = time.perf_counter()
     h, lengths = _checked(heights, size)
     one_of("solver", solver, Solver)
-    one_of("boundary", boundary, Boundary)
+    one_of("boundary", boundary, halfspace.Boundary)
     positive(E_star=E_star, tol=tol, max_iterations=max_iterations)
     if (separation is None) == (load is None):
         raise SceneError("solve_contact: give either 'separation' or 'load'")
@@ -125,7 +124,7 @@ def solve_contact(
         raise SceneError(f"""separation = {separation} m: a periodic surface is flat at 0 and the
             pressure is not defined; give 'load'""")
     pixel = lengths / np.array(h.shape)
-    space = half_space_of(h, lengths, boundary)
+    space = halfspace.half_space_of(h, lengths, boundary)
     area = float(np.prod(pixel))
     total = None if load is None else load / (E_star * area)
     cap = _cap(hardness, E_star, load, area * h.size)
@@ -144,7 +143,7 @@ def solve_contact(
 
 
 def solve(
-    space: HalfSpace, h: Array, d: float | None, total: float | None, guess: Array | None,
+    space: halfspace.HalfSpace, h: Array, d: float | None, total: float | None, guess: Array | None,
     tolerance: float, solver: Solver = "auto", max_iterations: int = 2000, cap: float = np.inf,
 ) -> tuple[ContactState, str]:  # fmt: skip
     """Choose a solver by the number of touching pixels and run it.
@@ -209,27 +208,27 @@ def _checked(heights: Array, size: Array | tuple[float, float]) -> tuple[Array, 
 
 
 def _by_active_set(
-    space: HalfSpace, h: Array, d: float | None, total: float | None, guess: Array,
+    space: halfspace.HalfSpace, h: Array, d: float | None, total: float | None, guess: Array,
     most: int | None, cap: float,
 ) -> ContactState | None:  # fmt: skip
     """Active set on the whole grid, or on the pixels above the plane where they are few."""
     flat, start = h.ravel(), guess.ravel()
     high = np.flatnonzero(flat > d) if d is not None and space.boundary == "free" else None
-    pixels: Pixels
+    pixels: active.Pixels
     if high is None or high.size > FEW:
-        high, pixels = np.arange(h.size), AllPixels(space, h)
+        high, pixels = np.arange(h.size), active.AllPixels(space, h)
     else:
-        pixels = HighPixels(space, h, high)
+        pixels = active.HighPixels(space, h, high)
     held = np.flatnonzero(start[high] >= cap)
     touching = np.flatnonzero(start[high] > 0.0)
     touching = touching if touching.size else np.array([0])
-    contact = active_set(pixels, d, total, touching, most, cap=cap, held=held)
+    contact = active.active_set(pixels, d, total, touching, most, cap=cap, held=held)
     if contact is None:
         return None
     pressure = np.zeros(h.size)
     pressure[high[contact.points]] = contact.pressure
     p: Array = pressure.reshape(h.shape)
-    every = isinstance(pixels, AllPixels)
+    every = isinstance(pixels, active.AllPixels)
     w = contact.gap.reshape(h.shape) if every else space.apply(p) - h + contact.d
     certificate = certify(space, h, p, w, contact.d, total is not None, cap)
     return ContactState(p, w, contact.d, *certificate, contact.iterations)
@@ -262,7 +261,7 @@ def _cap(hardness: float | None, E_star: float, load: float | None, area: float)
 
 
 def first_guess(
-    space: HalfSpace, h: Array, d: float | None, total: float | None, cap: float = np.inf
+    space: halfspace.HalfSpace, h: Array, d: float | None, total: float | None, cap: float = np.inf
 ) -> Array:
     """Pressures to start from when nothing is known: the overlap of the bearing area."""
     if d is None:
@@ -277,7 +276,7 @@ def first_guess(
     return np.where(overlap > 0.0, np.maximum(space.precondition(overlap), 0.0), 0.0)
 
 
-def _closed(space: HalfSpace, h: Array, total: float) -> ContactState | None:
+def _closed(space: halfspace.HalfSpace, h: Array, total: float) -> ContactState | None:
     """Full contact of a periodic surface, if the load suffices: closed form."""
     p = space.full_contact(h) + total / h.size
     if p.min() < 0.0:

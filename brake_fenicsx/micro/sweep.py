@@ -13,14 +13,7 @@ import numpy as np
 
 from brake_fenicsx.arguments import Array, Index
 from brake_fenicsx.errors import NotConverged, SceneError
-from brake_fenicsx.micro.active import (
-    AllPixels,
-    ElasticAnswer,
-    HighPixels,
-    Pixels,
-    Touching,
-    active_set,
-)
+from brake_fenicsx.micro import active
 from brake_fenicsx.micro.halfspace import HalfSpace
 from brake_fenicsx.micro.loading import dense, first_guess
 from brake_fenicsx.micro.qp import certify, projected_cg
@@ -117,15 +110,18 @@ def _few_steps(
     yielding = int(total / cap)  # the highest pixels, and the next one
     pixels = _highest(space, h, order, max(64, 4 * yielding))
     start, none = np.append(yielding, np.arange(yielding)), np.zeros(yielding + 1)
-    contact = _translate(pixels, order, Touching(start, none, none, h, 0.0, yielding, 0))
+    contact = _translate(pixels, order, active.Touching(start, none, none, h, 0.0, yielding, 0))
     steps: list[Step] = []
-    answer = ElasticAnswer()
+    answer = active.ElasticAnswer()
     while True:
         solved = _by_active_set(pixels, total, contact, cap, h.size)
-        while isinstance(pixels, HighPixels) and not _suffice(pixels, h, order, solved):
+        # Until all pixels that are not among the highest stay below the plane.
+        while isinstance(pixels, active.HighPixels) and not (
+            solved is not None and h.ravel()[order[pixels.height.size]] <= solved.d
+        ):
             pixels = _highest(space, h, order, 2 * pixels.height.size)
             contact = _translate(pixels, order, contact)
-            answer = answer if isinstance(pixels, HighPixels) else ElasticAnswer()
+            answer = answer if isinstance(pixels, active.HighPixels) else active.ElasticAnswer()
             solved = _by_active_set(pixels, total, contact, cap, h.size)
         if solved is None:  # the pixels are all of them by now
             last = _spread(pixels, contact, h, order)[0] if steps else None
@@ -169,51 +165,44 @@ def _highest_first(h: Array) -> Index:
     return np.asarray(top[np.argsort(-h.ravel()[top], kind="stable")])
 
 
-def _highest(space: HalfSpace, h: Array, order: Index, count: int) -> Pixels:
+def _highest(space: HalfSpace, h: Array, order: Index, count: int) -> active.Pixels:
     """The highest pixels, or all where these are too many or the boundary is periodic."""
     if space.boundary == "free" and count < min(h.size, HIGHEST):
-        return HighPixels(space, h, order[:count])
-    return AllPixels(space, h)
+        return active.HighPixels(space, h, order[:count])
+    return active.AllPixels(space, h)
 
 
-def _suffice(pixels: HighPixels, h: Array, order: Index, solved: Touching | None) -> bool:
-    """Whether all pixels that are not among the highest stay below the plane."""
-    return solved is not None and bool(h.ravel()[order[pixels.height.size]] <= solved.d)
-
-
-def _translate(pixels: Pixels, order: Index, contact: Touching) -> Touching:
+def _translate(pixels: active.Pixels, order: Index, contact: active.Touching) -> active.Touching:
     """Solution on the highest pixels, by their ranks, as one on ``pixels``."""
-    if isinstance(pixels, HighPixels):
+    if isinstance(pixels, active.HighPixels):
         return contact
     return replace(contact, points=np.asarray(order[contact.points]))
 
 
 def _by_active_set(
-    pixels: Pixels, total: float, last: Touching, cap: float, size: int
-) -> Touching | None:
+    pixels: active.Pixels, total: float, last: active.Touching, cap: float, size: int
+) -> active.Touching | None:
     """The contact at a given load, from the touching and yielding pixels of the last one."""
     held = last.points[last.points.size - last.plastic :]
-    return active_set(pixels, None, total, last.points, 2 * dense(size), cap=cap, held=held)
+    return active.active_set(pixels, None, total, last.points, 2 * dense(size), cap=cap, held=held)
 
 
 def _by_gradients(
     space: HalfSpace, h: Array, total: float, p: Array | None, tolerance: float, cap: float
-) -> Touching:
+) -> active.Touching:
     """The same by conjugate gradients, among all pixels."""
     guess = first_guess(space, h, None, total, cap) if p is None else p
     solved = projected_cg(space, h, None, total, guess, tolerance, cap=cap)
     elastic, top = (solved.p > 0.0) & (solved.p < cap), solved.p >= cap
     unit = space.unit_answer(elastic, np.zeros_like(h))
     points = np.concatenate([np.flatnonzero(elastic), np.flatnonzero(top)])
-    return Touching(
-        points, solved.p.ravel()[points], unit.ravel()[points], solved.w.ravel(), solved.d,
-        int(np.count_nonzero(top)), solved.iterations,
-    )  # fmt: skip
+    p, u, count = solved.p.ravel()[points], unit.ravel()[points], int(np.count_nonzero(top))
+    return active.Touching(points, p, u, solved.w.ravel(), solved.d, count, solved.iterations)
 
 
 def _few_step(
-    space: HalfSpace, pixels: Pixels, solved: Touching, total: float, tolerance: float, cap: float,
-    answer: ElasticAnswer,
+    space: HalfSpace, pixels: active.Pixels, solved: active.Touching, total: float,
+    tolerance: float, cap: float, answer: active.ElasticAnswer,
 ) -> Step:  # fmt: skip
     """Record of an active-set solution, with its certificate."""
     p = np.zeros(pixels.height.size)
@@ -227,9 +216,11 @@ def _few_step(
     return Step(solved.d, total, stiffness, vibration, solved.points.size, gap)
 
 
-def _spread(pixels: Pixels, contact: Touching, h: Array, order: Index) -> tuple[Array, Array]:
+def _spread(
+    pixels: active.Pixels, contact: active.Touching, h: Array, order: Index
+) -> tuple[Array, Array]:
     """Pressures over E* [-] and answer to a unit approach [1/m] on the grid, shape (nx, ny)."""
-    where = order[contact.points] if isinstance(pixels, HighPixels) else contact.points
+    where = order[contact.points] if isinstance(pixels, active.HighPixels) else contact.points
     p, unit = np.zeros(h.size), np.zeros(h.size)
     p[where], unit[where] = contact.pressure, contact.unit
     return p.reshape(h.shape), unit.reshape(h.shape)

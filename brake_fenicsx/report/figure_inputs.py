@@ -11,8 +11,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.micro import LawRecipe, LawSettings, load_laws, solve_contact
 from brake_fenicsx.surface import SurfaceStatistics, radial_psd
-from brake_fenicsx.surface.hdf import kernel_density
-from brake_fenicsx.surface.iso25178 import iso_parameters
+from brake_fenicsx.surface.hdf import iso_parameters, kernel_density
 
 MOMENTS = ("mean", "median", "S_q", "S_sk", "S_ku")
 MOMENT_ERRORS = ("mean_error", "S_q_error", "S_sk_error", "S_ku_error")

@@ -7,9 +7,8 @@ single parameters and the appendix for specialists in ``sections``.
 from pathlib import Path
 
 from brake_fenicsx.extensions import load, shown
-from brake_fenicsx.results.answer import approach_rows, for_reading
+from brake_fenicsx.results import answer, tables
 from brake_fenicsx.results.run import RunData, read_run
-from brake_fenicsx.results.tables import Value
 
 from .figures import figures, make_figures
 from .mode_cards import Card, ModePictures, family_card, family_table_cells, often_text, other_cards
@@ -122,10 +121,9 @@ def _squeal(run: RunData, pictures: ModePictures) -> list[Block]:
     found = squeal_map(run, pictures)
     if found is None:
         return []
-    table = for_reading(
-        run, approach_rows(run), "threshold", "most_severe",
-        squeal_modes=f"squeal modes ({run.criterion})", share="share of squeal samples",
-    )  # fmt: skip
+    rows, named = answer.approach_rows(run), f"squeal modes ({run.criterion})"
+    heads = {"squeal_modes": named, "share": "share of squeal samples"}
+    table = answer.for_reading(run, rows, "threshold", "most_severe", **heads)
     return [
         note("map", criterion=run.criterion),
         Special("map", found),
@@ -139,7 +137,7 @@ def _squeal(run: RunData, pictures: ModePictures) -> list[Block]:
 def _families(run: RunData, pictures: ModePictures) -> list[Block]:
     """The most severe families of each approach."""
     most = rows_of_each(run)
-    rows: list[list[Value]] = [
+    rows: list[list[tables.Value]] = [
         [
             run.label(f.approach), "by frequency" if f.key < 0 else f.key, f.kilohertz,
             often_text(f), f.median, f.worst, *family_table_cells(run, f, pictures),

@@ -129,10 +129,8 @@ def family_card(run: RunData, family: Family, pictures: ModePictures, rank: int 
     facts += [(fact, text) for fact, text in told.items() if text]
     if (pattern := pictures.pattern(key)) is not None:
         facts.append((pattern[0], pattern[2]))
-    return Card(
-        f"{family.kilohertz} kHz", facts, key, pictures.paths.get(key),
-        pictures.moving(key), str(rank) if rank else "",
-    )  # fmt: skip
+    still, moving, place = pictures.paths.get(key), pictures.moving(key), str(rank or "")
+    return Card(f"{family.kilohertz} kHz", facts, key, still, moving, place)
 
 
 def other_cards(pictures: ModePictures, shown: set[str]) -> list[Card]:

@@ -19,9 +19,8 @@ from brake_fenicsx.folder.processes import meanwhile, on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.macro.faces import body_of_nodes, gather_face
 from brake_fenicsx.meshing.rawmesh import body_of_points
+from brake_fenicsx.results import squeal, tables
 from brake_fenicsx.results.run import RunData, read_run, save_tables
-from brake_fenicsx.results.squeal import ModeKey
-from brake_fenicsx.results.tables import RowTable
 from brake_fenicsx.samples.forces import contact_of
 from brake_fenicsx.samples.solve import displacements
 from brake_fenicsx.samples.study import Study
@@ -29,9 +28,8 @@ from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.digest import in_effect
 from brake_fenicsx.scene.scene import slides
 
+from . import mode_cards, render
 from .fields import facet_means, write_facets, write_fields, write_phases, write_points
-from .mode_cards import SHAPES, ModeShape
-from .render import animate_mode, render_mode
 from .style import label
 
 RIM = 0.9  # nodes beyond this share of the largest radius make the rim
@@ -103,7 +101,7 @@ class ShapeWorks:
         lost: what failed before, or is less exact than a picture asks, a line each.
     """
 
-    works: list[Callable[[], tuple[ModeShape | None, list[str]]]]
+    works: list[Callable[[], tuple[mode_cards.ModeShape | None, list[str]]]]
     lost: list[str]
 
 
@@ -157,11 +155,11 @@ def prepare_shapes(
     return ShapeWorks(works, lost + missing)
 
 
-def write_shapes(study: Study, rows: Sequence[ModeShape]) -> None:
+def write_shapes(study: Study, rows: Sequence[mode_cards.ModeShape]) -> None:
     """Write figures/mode_shapes.csv, and its columns for the page, on one process."""
-    table = RowTable.of(ModeShape, rows)
+    table = tables.RowTable.of(mode_cards.ModeShape, rows)
     table.write(study.store.path("figures", "mode_shapes.csv"))
-    save_tables(study.store, SHAPES, {"shapes": table.columns})
+    save_tables(study.store, mode_cards.SHAPES, {"shapes": table.columns})
 
 
 def contact_faces(study: Study) -> dict[str, AnyArray]:
@@ -215,11 +213,11 @@ def _write_equilibria(
             write_facets(folder / f"pressure_{name}.vtkhdf", corners[held], means)
 
 
-def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
+def _severe(study: Study) -> tuple[RunData, list[list[squeal.ModeKey]]]:
     """What is known of the study, and the modes drawn of each approach that squeals; collective."""
     folder, settings = study.store.directory, {"in_effect": in_effect(study.scene)}
 
-    def severe() -> list[list[ModeKey]]:
+    def severe() -> list[list[squeal.ModeKey]]:
         run = read_run(folder, settings)
         keys = (run.squeal.representatives(name, MOST) for name in run.approaches)
         return [chosen for chosen in keys if chosen]
@@ -228,12 +226,8 @@ def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
 
 
 def _shape_works(
-    study: Study,
-    run: RunData,
-    chosen: list[ModeKey],
-    shapes: list[Complex],
-    pictures: bool,
-) -> list[Callable[[], tuple[ModeShape | None, list[str]]]]:
+    study: Study, run: RunData, chosen: list[squeal.ModeKey], shapes: list[Complex], pictures: bool
+) -> list[Callable[[], tuple[mode_cards.ModeShape | None, list[str]]]]:
     """Works for some modes of an approach: their fields, and for each a period and its pictures.
 
     Args:
@@ -251,7 +245,7 @@ def _shape_works(
         fields = {f"mode_{mode.name}": free.expand(shape) for mode, shape in pairs}
         write_fields(store.path("fields", f"modes_{name}.vtkhdf"), V, fields)
 
-    def draw(mode: ModeKey, of_free: Complex) -> ModeShape:
+    def draw(mode: squeal.ModeKey, of_free: Complex) -> mode_cards.ModeShape:
         hertz, share, shape = mode.name, mode.family.share, free.expand(of_free)
         write_phases(store.path("fields", f"phase_{name}_{hertz}.vtkhdf"), V, shape)
         often = f"; family squeals in {share.hits} of {share.n} samples" if share.n > 1 else ""
@@ -262,13 +256,13 @@ def _shape_works(
         picture = f"mode_{name}_{hertz}"
         if pictures:
             bodies = tied_bodies(study.scene, study.brake)
-            render_mode(store.path("figures", f"{picture}.png"), V, shape, title, bodies)
+            render.render_mode(store.path("figures", f"{picture}.png"), V, shape, title, bodies)
             moving = store.path("figures", f"{picture}.webp")
-            animate_mode(moving, V, shape, bodies=bodies)
+            render.animate_mode(moving, V, shape, bodies=bodies)
         numbers = mode.family.number, mode.sample, mode.mode, mode.frequency, mode.damping
-        return ModeShape.of(name, *numbers, picture, *_nodal_cells(rotors, V, shape))
+        return mode_cards.ModeShape.of(name, *numbers, picture, *_nodal_cells(rotors, V, shape))
 
-    works: list[Callable[[], tuple[ModeShape | None, list[str]]]] = []
+    works: list[Callable[[], tuple[mode_cards.ModeShape | None, list[str]]]] = []
     works.append(partial(spared, f"fields of the modes of {name}", write))
     for mode, shape in zip(chosen, shapes, strict=True):
         what = f"picture of the mode at {mode.frequency:.0f} Hz"

@@ -357,10 +357,8 @@ def animate_mode(
     pillow = import_module("PIL.Image")  # comes with matplotlib
     with pyvista().vtk_verbosity("off"):
         images = [pillow.fromarray(i) for i in _frames(V, values, frames, width, bodies)]
-    images[0].save(
-        path, save_all=True, append_images=images[1:], duration=MILLISECONDS, loop=0, quality=70,
-        method=4,
-    )  # fmt: skip
+    all_of_them = {"save_all": True, "append_images": images[1:], "duration": MILLISECONDS}
+    images[0].save(path, **all_of_them, loop=0, quality=70, method=4)
     return Path(path)
 
 

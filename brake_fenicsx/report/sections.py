@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from brake_fenicsx.results.accuracy import STAGES, error_rows, speed_rows, stage_rows
-from brake_fenicsx.results.answer import for_reading, share_text
+from brake_fenicsx.results import answer
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.tables import Value
@@ -64,7 +63,8 @@ def input_blocks(run: RunData) -> list[Block]:
     """Which inputs move the growth rate, and the probabilities of the most severe families."""
     rows: list[list[Value]] = [
         [
-            run.label(approach), where, share_text(row["probability"], row["low"], row["high"]),
+            run.label(approach), where,
+            answer.share_text(row["probability"], row["low"], row["high"]),
             _number(row["median_damping"]), row["above_limit"], row["dominant_input"] or None,
             interval_text(*(row[f"correlation{end}"] for end in ("", "_low", "_high"))),
             *(percent(value) for name, value in row.items() if name.startswith("share_")),
@@ -141,11 +141,10 @@ SPEED_HEADS = {
     "seconds_per_equilibrium": "equilibrium [s per sample]",
     "seconds_per_stability": "modes [s per sample]",
 }
-SHOWN = {  # of the summary, elsewhere on the page
-    "settings", "in_effect", "versions", "seeds", "seconds", "peak_memory_mb", "process_memory_mb",
-    "samples",
-    "name", "warnings", "friction", "contact_forces", "finished", "scene_sha256",
-}  # fmt: skip
+# Of the summary, elsewhere on the page.
+NUMBERS = "versions", "seeds", "seconds", "peak_memory_mb", "process_memory_mb", "samples"
+OTHERS = "name", "warnings", "friction", "contact_forces", "finished", "scene_sha256"
+SHOWN = {"settings", "in_effect", *NUMBERS, *OTHERS}
 
 
 def appendix_sections(run: RunData, cards: Sequence[Card] = ()) -> list[Section]:
@@ -155,10 +154,10 @@ def appendix_sections(run: RunData, cards: Sequence[Card] = ()) -> list[Section]
         run: the results; pictures are read from its ``figures`` folder.
         cards: mode shapes that are not shown before the appendix.
     """
-    own = [] if of_surface(run) else [
-        Section("surface", "Surface", surface_blocks(run)),
-        Section("laws", "Contact laws", law_blocks(run)),
-    ]  # fmt: skip
+    own = []
+    if not of_surface(run):
+        own = [Section("surface", "Surface", surface_blocks(run))]
+        own.append(Section("laws", "Contact laws", law_blocks(run)))
     return [
         Section("more-shapes", "Mode shapes of less severe families",
                 [Special("shapes", cards)] if cards else []),
@@ -174,17 +173,17 @@ def _accuracy(run: RunData) -> list[Block]:
     meshes = sorted((run.directory / "figures").glob("mesh*.png"))
     blocks: list[Block] = [Picture(path, heading_of(path), "half") for path in meshes]
     blocks += figures(run, "eigenvalue_errors", "convergence", look="half")
-    if stages := stage_rows(run.summary):
+    if stages := answer.stage_rows(run.summary):
         rows: list[list[Value]] = [
-            [STAGES.get(r.stage, r.stage), r.seconds, r.peak_memory_mb] for r in stages
+            [answer.STAGES.get(r.stage, r.stage), r.seconds, r.peak_memory_mb] for r in stages
         ]
         rows.append(["sum", sum(r.seconds for r in stages if r.seconds is not None), None])
         blocks.append(Table(["stage", "time [s]", "peak memory [MB]"], rows))
         blocks.append(note("stages"))
-    if speed := speed_rows(run):
-        blocks.append(Table(*for_reading(run, speed, **SPEED_HEADS)))
-    if errors := error_rows(run):
-        blocks.append(Table(*for_reading(run, errors)))
+    if speed := answer.speed_rows(run):
+        blocks.append(Table(*answer.for_reading(run, speed, **SPEED_HEADS)))
+    if errors := answer.error_rows(run):
+        blocks.append(Table(*answer.for_reading(run, errors)))
         blocks.append(note("errors"))
     rest = {key: value for key, value in run.summary.items() if key not in SHOWN}
     return [*blocks, *pairs(rest)]

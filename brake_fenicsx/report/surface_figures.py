@@ -9,8 +9,7 @@ import numpy as np
 
 from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.results.run import Arrays, RunData, scan_heights
-from brake_fenicsx.surface.hdf import pooled
-from brake_fenicsx.surface.iso25178 import bearing_curve
+from brake_fenicsx.surface.hdf import bearing_curve, pooled
 
 from . import style
 

@@ -11,9 +11,8 @@ from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import ApproachCount, Family
 
-from .figures import lost_figures
+from . import figures, page_blocks
 from .mode_cards import Card, ModePictures, family_card, mode_text
-from .page_blocks import Block, Table
 
 CANDIDATES = 3
 CLOSE = 0.01  # relative distance of two frequencies that may be those of a doublet
@@ -41,7 +40,7 @@ class Verdict:
 
     text: str = ""
     level: str = ""
-    limits: list[Block] = field(default_factory=list)
+    limits: list[page_blocks.Block] = field(default_factory=list)
     more: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     cards: list[Card] = field(default_factory=list)
@@ -64,11 +63,10 @@ def make_verdict(run: RunData, pictures: ModePictures) -> Verdict:
     more += _failure(run, counted)
     others = [name for name in families if name != run.lead]
     more += [_other(run, run.squeal.count(name), families[name]) for name in others]
-    return Verdict(
-        text, level, _limits(run, counted), more, [*filter(None, [open_points(run)]), *warnings],
-        [family_card(run, f, pictures, rank) for rank, f in enumerate(chosen, start=1)],
-        [*_doublets(run, chosen), *_worse(run, chosen)], facts,
-    )  # fmt: skip
+    warnings = [*filter(None, [open_points(run)]), *warnings]
+    cards = [family_card(run, f, pictures, rank) for rank, f in enumerate(chosen, start=1)]
+    notes = [*_doublets(run, chosen), *_worse(run, chosen)]
+    return Verdict(text, level, _limits(run, counted), more, warnings, cards, notes, facts)
 
 
 def warnings_of(run: RunData) -> tuple[list[str], list[str]]:
@@ -76,7 +74,7 @@ def warnings_of(run: RunData) -> tuple[list[str], list[str]]:
     found = run.summary.get("warnings")
     every = [*map(str, found)] if isinstance(found, list) else []
     aside = [text for text in every if ASIDE.search(text)]
-    return [t for t in every if t not in aside], [*aside, *lost_figures(run.directory)]
+    return [t for t in every if t not in aside], [*aside, *figures.lost_figures(run.directory)]
 
 
 def _sentences(
@@ -146,7 +144,7 @@ def _failure(run: RunData, c: ApproachCount) -> list[str]:
     return [f"{often if c.failed > 1 else 'Its error'}: {text}."]
 
 
-def _limits(run: RunData, c: ApproachCount) -> list[Block]:
+def _limits(run: RunData, c: ApproachCount) -> list[page_blocks.Block]:
     """What squeals at each limit of the damping."""
     what = "samples that squeal" if c.samples > 1 else "squeal modes"
     rows = []
@@ -156,7 +154,7 @@ def _limits(run: RunData, c: ApproachCount) -> list[Block]:
             share = share_text(r.share, r.share_low, r.share_high)
             counted = f"{r.squeal_samples} of {r.samples}: {share}"
         rows.append([r.limit, f"{r.damping_below:g}", counted])
-    return [Table(["limit", "damping below", what], rows)] if rows else []
+    return [page_blocks.Table(["limit", "damping below", what], rows)] if rows else []
 
 
 def _other(run: RunData, c: ApproachCount, found: list[Family]) -> str:

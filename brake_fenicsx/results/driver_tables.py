@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.arguments import AnyArray, Index
 
-from .squeal import squeals
+from . import squeal, tables
 from .stored import StoredSamples
-from .tables import Row, RowTable
 
 MEDIAN = "median"
 
 
 @dataclass(frozen=True, slots=True)
-class Driver(Row):
+class Driver(tables.Row):
     """A row of drivers.csv: the derivative of a mode by a parameter."""
 
     approach: str
@@ -42,7 +41,7 @@ class Driver(Row):
 
 
 @dataclass(frozen=True, slots=True)
-class ContactDriver(Row):
+class ContactDriver(tables.Row):
     """A row of drivers_contact.csv: the derivative of a mode by the stiffness of an element."""
 
     approach: str
@@ -54,26 +53,26 @@ class ContactDriver(Row):
     friction_work: float
 
 
-def driver_table(stored: StoredSamples, threshold: float) -> RowTable:
+def driver_table(stored: StoredSamples, threshold: float) -> tables.RowTable:
     """RowTable of drivers.csv.
 
     Args:
         stored: stored samples.
         threshold: a mode squeals where its damping lies below minus this.
     """
-    return RowTable.of(Driver, _rows(stored, threshold))
+    return tables.RowTable.of(Driver, _rows(stored, threshold))
 
 
-def contact_driver_table(stored: StoredSamples, threshold: float) -> RowTable:
+def contact_driver_table(stored: StoredSamples, threshold: float) -> tables.RowTable:
     """RowTable of drivers_contact.csv; arguments as above."""
-    return RowTable.of(ContactDriver, _maps(stored, threshold))
+    return tables.RowTable.of(ContactDriver, _maps(stored, threshold))
 
 
 def _squealing(data: dict[str, Any], threshold: float) -> Index:
     """Places of the squeal modes among those that derivatives were computed for."""
     if "driver_mode" not in data:
         return np.zeros(0, dtype=np.intp)
-    return np.flatnonzero(squeals(data, threshold)[data["driver_mode"]])
+    return np.flatnonzero(squeal.squeals(data, threshold)[data["driver_mode"]])
 
 
 def _numbers(data: dict[str, Any], place: int) -> AnyArray:

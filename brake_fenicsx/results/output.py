@@ -17,10 +17,8 @@ from brake_fenicsx.samples.numbering import dof_places
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene.digest import in_effect
 
+from . import driver_tables, families, probabilities
 from . import sample_blocks as blocks
-from .driver_tables import contact_driver_table, driver_table
-from .families import SHAPES, family_shapes
-from .probabilities import Ensemble, cause_tables, ensembles, find_causes, probability_facts
 from .run import CAUSES, CONTACT, eigenvalue_errors, read_run, save_tables
 from .stored import PROVEN, StoredSamples
 from .tables import Row, RowTable, column_writer
@@ -82,14 +80,14 @@ def write_results(study: Study) -> First:
     study.facts |= facts
     if approaches is not None:
         samples = study.scene.samples
-        find_causes(samples, approaches, study.comm)
+        probabilities.find_causes(samples, approaches, study.comm)
 
         def write() -> dict[str, Any]:
-            tables = cause_tables(samples, approaches)
+            tables = probabilities.cause_tables(samples, approaches)
             for name, table in tables.items():
                 table.write(study.store.path(f"{name}.csv"))
             save_tables(study.store, CAUSES, {n: t.columns for n, t in tables.items()})
-            return probability_facts(samples, approaches)
+            return probabilities.probability_facts(samples, approaches)
 
         study.facts["probabilities"] = on_first(write, study.comm)
     if study.brake.stuck:
@@ -100,7 +98,7 @@ def write_results(study: Study) -> First:
     return first
 
 
-def _tables(study: Study) -> tuple[First, dict[str, Any], list[Ensemble] | None]:
+def _tables(study: Study) -> tuple[First, dict[str, Any], list[probabilities.Ensemble] | None]:
     """The same on one process, but for the causes of squeal, which all share."""
     scene, path, stability = study.scene, study.store.path, study.scene.stability
     run = read_run(study.store.directory, {"in_effect": in_effect(scene)})
@@ -123,8 +121,8 @@ def _tables(study: Study) -> tuple[First, dict[str, Any], list[Ensemble] | None]
                 write(part)
         _keep_families(study, stored)
     if (of_modes := study.models.stability) is not None and of_modes.drivers:
-        tables["drivers"] = driver_table(stored, of_modes.threshold)
-        tables["drivers_contact"] = contact_driver_table(stored, of_modes.threshold)
+        tables["drivers"] = driver_tables.driver_table(stored, of_modes.threshold)
+        tables["drivers_contact"] = driver_tables.contact_driver_table(stored, of_modes.threshold)
     for extra in named(scene) if stability is not None else ():
         if extra.make_tables:
             tables |= load(extra.make_tables)(stored)
@@ -132,7 +130,7 @@ def _tables(study: Study) -> tuple[First, dict[str, Any], list[Ensemble] | None]
         table.write(path(f"{name}.csv"))
     approaches = None
     if stability is not None and {"stability", "uncertainty"} <= {*scene.stages}:
-        approaches = ensembles(run, stability.band)
+        approaches = probabilities.ensembles(run, stability.band)
     return stored.first, facts, approaches
 
 
@@ -148,7 +146,7 @@ def _keep_families(study: Study, stored: StoredSamples) -> None:
     if known:
         places = dof_places(study.brake, study.models.numbering.body)
         u = study.models.coordinates.displacements(np.array([*known.values()]).T)
-        study.store.save(SHAPES, **family_shapes(places, u, np.array([*known])))
+        study.store.save(families.SHAPES, **families.family_shapes(places, u, np.array([*known])))
 
 
 def _contact(stored: StoredSamples, contact: Contact) -> Iterator[ContactElement]:

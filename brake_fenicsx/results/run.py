@@ -17,8 +17,7 @@ from brake_fenicsx.extensions import extras, load
 from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.folder.store import PREPARED, Store
 
-from .driver_tables import contact_driver_table, driver_table
-from .sample_blocks import tabulation_of
+from . import driver_tables, sample_blocks
 from .squeal import Family, SquealTable
 from .stored import StoredSamples
 from .tables import Columns
@@ -242,7 +241,7 @@ def _stored(run: RunData) -> StoredSamples | None:
     tasks = [(name, k) for name, n in count.items() for k in range(n)]
     settings = run.summary.get("in_effect", {})
     threshold = run.threshold if "stability" in settings.get("stages", ("stability",)) else None
-    stored = StoredSamples(store, tasks, tabulation_of(store, tasks, threshold))
+    stored = StoredSamples(store, tasks, sample_blocks.tabulation_of(store, tasks, threshold))
     return stored if stored.rows["approach"] else None
 
 
@@ -258,9 +257,9 @@ def _of_samples(run: RunData, stored: StoredSamples) -> dict[str, Any]:
             parts["extras"] |= {name: table.columns for name, table in tables.items()}
         if extra.stage and not in_effect.keys().isdisjoint(extra.sections):
             parts["extras"] |= read_tables(run.directory / f"{extra.name}.npz")
-    drivers = driver_table(stored, run.threshold)
+    drivers = driver_tables.driver_table(stored, run.threshold)
     if drivers.cells:
-        maps = contact_driver_table(stored, run.threshold)
+        maps = driver_tables.contact_driver_table(stored, run.threshold)
         parts |= {"drivers": drivers.columns, "driver_maps": maps.columns}
     return parts
 
@@ -273,8 +272,8 @@ def save_tables(store: Store, name: str, tables: Mapping[str, Columns]) -> None:
         name: of the file.
         tables: columns by the name of their table.
     """
-    store.save(name, **{f"{table}/{column}": values for table, columns in tables.items()
-                        for column, values in columns.items()})  # fmt: skip
+    every = ((f"{t}/{c}", values) for t, columns in tables.items() for c, values in columns.items())
+    store.save(name, **dict(every))
 
 
 def read_tables(path: Path) -> dict[str, Columns]:

@@ -25,12 +25,9 @@ from .families import ModeFamilies
 from .squeal import squeals
 
 # Of every contact element, coordinate or degree of freedom: no table has them of all samples.
-LARGE = frozenset(
-    {
-        "g", "g_cr", "p", "k", "k_vibration", "law", "mu", "mu_equilibrium", "coordinates",
-        "driver_map", "driver_work", "vectors", "vector_mode", "moved",
-    }
-)  # fmt: skip
+OF_MODES = "coordinates", "driver_map", "driver_work", "vectors", "vector_mode"
+OF_CONTACT = "g", "g_cr", "p", "k", "k_vibration", "law", "mu", "mu_equilibrium", "moved"
+LARGE = frozenset({*OF_MODES, *OF_CONTACT})
 FOUNDING = 64  # samples of each approach whose families all blocks know
 FOUNDERS = f"{FOLDER}/families.npz"
 

@@ -210,12 +210,11 @@ class SquealTable:
         squealing = self.squeal_modes(approach)
         verdict = self._modes["verdict"]
         per_sample = squealing.groupby("sample").size().reindex(good, fill_value=0).to_numpy()
-        return ApproachCount(
-            approach, good.size, int((self._samples.approach == approach).sum()) - good.size,
-            int(rows.sum()), int((rows & (verdict == "unstable")).sum()),
-            int((rows & (verdict == "neutral")).sum()), len(squealing),
-            int(np.count_nonzero(per_sample)), per_sample,
-        )  # fmt: skip
+        unstable, neutral = (int((rows & (verdict == v)).sum()) for v in ("unstable", "neutral"))
+        failed = int((self._samples.approach == approach).sum()) - good.size
+        modes = int(rows.sum()), unstable, neutral, len(squealing)
+        counted = int(np.count_nonzero(per_sample)), per_sample
+        return ApproachCount(approach, good.size, failed, *modes, *counted)
 
     def families(self, approach: str) -> list[Family]:
         """Families with at least one mode that squeals, the most severe first."""

@@ -27,10 +27,9 @@ Data = dict[str, Any]
 
 PROVEN = "proven"  # kind of a count, see ``brake_fenicsx.stability.modes.Count``
 # Numbers and texts of every sample, for samples.csv and the summary.
-SCALARS = (
-    "status", "seed", "mean_mu", "rejected", "tolerance_missed", "count_kind", "counted", "lost",
-    "beyond_laws", "stability_seconds", "equilibrium_seconds", "equilibrium_iterations",
-)  # fmt: skip
+KNOWN = "tolerance_missed", "count_kind", "counted", "lost", "beyond_laws"
+TOOK = "stability_seconds", "equilibrium_seconds", "equilibrium_iterations"
+SCALARS = "status", "seed", "mean_mu", "rejected", *KNOWN, *TOOK
 
 
 class StoredSamples:

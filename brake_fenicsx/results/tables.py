@@ -27,10 +27,8 @@ Value = str | int | float | None
 Columns = Mapping[str, Any]
 Write = Callable[[Mapping[str, AnyArray]], None]
 
-MODES = (
-    "approach", "sample", "mode", "frequency_hz", "real_1_s", "damping", "residual",
-    "error_estimate", "condition", "verdict", "family",
-)  # fmt: skip
+JUDGED = "residual", "error_estimate", "condition", "verdict"
+MODES = "approach", "sample", "mode", "frequency_hz", "real_1_s", "damping", *JUDGED, "family"
 SAMPLES = ("approach", "sample", "status", "seed")
 TEXTS = ("approach", "status", "complete", "verdict")  # columns of texts of these two
 MANY = 10**5  # rows of the largest table that is always CSV

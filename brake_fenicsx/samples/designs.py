@@ -51,19 +51,17 @@ def design_size(plan: Plan, inputs: int) -> int:
         length = plan.n // (inputs * plan.curves)
         shortest = max(SHORTEST, 4 * HARMONICS**2 * (inputs - 1) + 1)
         if length < shortest:
-            raise SceneError(
-                f"samples: n = {plan.n} is too few for FAST with {inputs} inputs and {plan.curves}"
-                f" curves; take {shortest * inputs * plan.curves} or more, or design = 'rbd-fast'"
-            )
+            raise SceneError(f"""samples: n = {plan.n} is too few for FAST with {inputs} inputs and
+                {plan.curves} curves; take {shortest * inputs * plan.curves} or more, or design =
+                'rbd-fast'""")
         return length * inputs * plan.curves
     if plan.design == "saltelli":
         width = inputs + plan.rough + 2
         rows = plan.n // width
         if rows < 8:
-            raise SceneError(
-                f"samples: n = {plan.n} is too few for Saltelli's design with {inputs} inputs"
-                f"{' and the roughness' if plan.rough else ''}; take {8 * width} or more"
-            )
+            raise SceneError(f"""samples: n = {plan.n} is too few for Saltelli's design with
+                {inputs} inputs{" and the roughness" if plan.rough else ""}; take {8 * width} or
+                more""")
         return int(2 ** math.floor(math.log2(rows))) * width
     return plan.n
 
@@ -151,23 +149,19 @@ def correlation_root(random: Mapping[str, Distribution | InputLaw], design: str)
                 raise SceneError(f"{where}: is no random input; others are {others}")
             i, j = names.index(name), names.index(other)
             if not -1 < value < 1 or R[i, j] not in (0.0, value):
-                raise SceneError(
-                    f"{where} = {value:g}: must lie between -1 and 1, and be given once for a pair"
-                )
+                raise SceneError(f"""{where} = {value:g}: must lie between -1 and 1, and be given
+                    once for a pair""")
             R[i, j] = R[j, i] = value
     if not np.any(R - np.eye(len(names))):
         return None
     if design in RIGID:
-        raise SceneError(
-            f"samples: design = {design!r} needs independent inputs; take another design, or remove"
-            " samples.random.NAME.correlation"
-        )
+        raise SceneError(f"""samples: design = {design!r} needs independent inputs; take another
+            design, or remove samples.random.NAME.correlation""")
     smallest = float(np.linalg.eigvalsh(R)[0])
     if not smallest > 0:
-        raise SceneError(
-            "samples.random: the correlations are not those of any inputs: their matrix is not"
-            f" positive definite (smallest eigenvalue {smallest:.3g}); give all pairs, or weaker"
-        )
+        raise SceneError(f"""samples.random: the correlations are not those of any inputs: their
+            matrix is not positive definite (smallest eigenvalue {smallest:.3g}); give all pairs, or
+            weaker""")
     return np.asarray(np.linalg.cholesky(R))
 
 

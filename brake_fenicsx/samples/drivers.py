@@ -24,9 +24,7 @@ from brake_fenicsx.stability.eigensolvers.eigenpairs import QuadraticPencil, inn
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures.vectors import ContactMotions
 
-from .equilibria import Equilibria
-from .sampling import SampleInput
-from .solve import linearised
+from . import sampling, solve
 
 _Arrays = dict[str, AnyArray]
 
@@ -41,8 +39,8 @@ ALL = "all"
 
 
 def driver_arrays(
-    equilibria: Equilibria, sample: SampleInput, eq: Equilibrium, first: bool, modes: Modes,
-    partner: Index, reduced: bool,
+    equilibria: solve.Equilibria, sample: sampling.SampleInput, eq: Equilibrium, first: bool,
+    modes: Modes, partner: Index, reduced: bool,
 ) -> dict[str, Any]:  # fmt: skip
     """Derivatives of a sample's unstable modes, as arrays to store.
 
@@ -90,8 +88,8 @@ def driver_arrays(
 class _Table:
     """Derivatives of lambda of some modes of a sample, to one parameter after the other."""
 
-    equilibria: Equilibria
-    sample: SampleInput
+    equilibria: solve.Equilibria
+    sample: sampling.SampleInput
     eq: Equilibrium
     reduced: bool
     names: list[tuple[str, str]] = field(default_factory=list)
@@ -101,7 +99,7 @@ class _Table:
     def fill(self, first: bool, modes: Modes, chosen: Index) -> tuple[_Arrays, Array]:
         """Add all parameters; maps over the contact elements, and errors of the vectors."""
         sample, eq = self.sample, self.eq
-        w, contact = sample.brake.contact.w, linearised(sample, eq.k_vibration, eq.p)
+        w, contact = sample.brake.contact.w, solve.linearised(sample, eq.k_vibration, eq.p)
         s, right, left = modes.s[chosen], modes.right[:, chosen], modes.left[:, chosen]
         whole: tuple[Complex, Complex] | None = None if self.reduced else (right, left)
         errors: list[Array] = [np.zeros(s.size)]

@@ -11,7 +11,7 @@ from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.macro.contact_elements import Contact, PadForces, StuckState, pad_forces
-from brake_fenicsx.macro.sliding_friction import Rotation
+from brake_fenicsx.macro.contact_forces import Rotation
 from brake_fenicsx.scene import Scene
 
 # Values that differ by less, relatively, are the same.

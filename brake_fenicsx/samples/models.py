@@ -10,16 +10,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from brake_fenicsx.arguments import AnyArray, Array
-from brake_fenicsx.build.damping_terms import record
-from brake_fenicsx.build.parametric import ParametricBrake
+from brake_fenicsx.build import damping_terms, parametric
 from brake_fenicsx.errors import OfOneProcess
+from brake_fenicsx.folder import files, processes
 from brake_fenicsx.folder.arrays import Arrays
-from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.log import logger
-from brake_fenicsx.folder.processes import on_first, release_memory
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.macro.condensation import Compliance, Solves, UnitLoads, compliance
-from brake_fenicsx.macro.equilibrium import Condensed
+from brake_fenicsx.macro.equilibrium import Compliance, Condensed, Solves, UnitLoads, compliance
 from brake_fenicsx.scene import Scene, Stability
 from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.stability.eigensolvers.symmetric import lowest_modes
@@ -48,14 +45,14 @@ class Models(OfOneProcess):
         facts: for the summary.
     """
 
-    brake: ParametricBrake
+    brake: parametric.ParametricBrake
     loads: UnitLoads
     coordinates: "FamilyCoordinates"
     numbering: Numbering
 
     def __init__(
         self, scene: Scene, counts: Mapping[str, int], store: Store, comm: MPI.Comm,
-        cache: SharedCache,
+        cache: files.SharedCache,
     ):  # fmt: skip
         """Ask what there could be.
 
@@ -80,7 +77,7 @@ class Models(OfOneProcess):
                 self.numbering = Numbering(b, self._store, self._comm)
             self.reduction.prepare(b, self.numbering, k0)
             self.facts |= self.reduction.facts
-            if acting := record(self._scene, b.contact):
+            if acting := damping_terms.record(self._scene, b.contact):
                 self.facts["damping"] = acting
             for term, numbers in acting.items():
                 where = ", ".join(numbers["approaches"])
@@ -102,10 +99,10 @@ class Models(OfOneProcess):
                     given = b.M, self.stability.band[1], self._store, self._comm
                     shapes = reference_shapes(whole, *given)
             self.coordinates = FamilyCoordinates(b, None, shapes)
-        release_memory()
+        processes.release_memory()
 
 
-def _reduced_loads(model: ReducedModel, brake: ParametricBrake, k0: Array) -> UnitLoads:
+def _reduced_loads(model: ReducedModel, brake: parametric.ParametricBrake, k0: Array) -> UnitLoads:
     """Compliance under unit loads as a reduced model knows it."""
     NN, NT, gaps = model.static(brake.at({}).point, k0)
     none, carried = 0 * brake.w, []
@@ -130,7 +127,7 @@ class FamilyCoordinates:
             kept modes); none at full order.
     """
 
-    brake: ParametricBrake
+    brake: parametric.ParametricBrake
     model: ReducedModel | None
     shapes: Array | None
     grams: dict[str, Array] = field(default_factory=dict)
@@ -158,7 +155,7 @@ class FamilyCoordinates:
 
 
 def layer_grams(
-    model: ReducedModel, brake: ParametricBrake, mark: str, store: Store, comm: MPI.Comm
+    model: ReducedModel, brake: parametric.ParametricBrake, mark: str, store: Store, comm: MPI.Comm
 ) -> dict[str, Array]:
     """Layers' masses of the kept modes, from the folder where they are there; collective.
 
@@ -208,7 +205,7 @@ def _kept(
             store.save(file, mark=np.array(mark), **arrays)
         return arrays
 
-    return on_first(kept, comm)
+    return processes.on_first(kept, comm)
 
 
 def _said(name: str, value: Any) -> str:

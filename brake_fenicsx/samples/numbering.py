@@ -60,11 +60,13 @@ class Numbering:
         if stored is None:
             if comm.rank == 0:
                 store.save(FILE, keys=keys)
-        elif not _same(stored["keys"], keys):
-            raise SceneError(
-                f"{store.directory}: its results belong to another mesh, perhaps of another"
-                " version of gmsh or DOLFINx; choose another folder with -o, or --from equilibrium"
-            )
+        # The same dofs are the same but for round-off.
+        elif stored["keys"].shape != keys.shape or not (
+            np.abs(stored["keys"] - keys).max() <= SAME * np.ptp(keys[:, :3], axis=0).max()
+        ):
+            raise SceneError(f"""{store.directory}: its results belong to another mesh, perhaps of
+                another version of gmsh or DOLFINx; choose another folder with -o, or --from
+                equilibrium""")
         # That of the first run: another one may differ from it by round-off.
         kept = keys if stored is None else stored["keys"]
         self.mark: str = hashlib.sha256(np.ascontiguousarray(kept).tobytes()).hexdigest()[:16]
@@ -112,13 +114,6 @@ def _keys(brake: Brake, body: Index) -> AnyArray:
     keys[:, 3] *= size
     # Nodes of two bodies may lie in one place.
     return np.column_stack([keys, body_centres(keys, body)])
-
-
-def _same(stored: AnyArray, keys: AnyArray) -> bool:
-    """Whether all dofs are the same, but for round-off."""
-    if stored.shape != keys.shape:
-        return False
-    return bool(np.abs(stored - keys).max() <= SAME * np.ptp(keys[:, :3], axis=0).max())
 
 
 def with_shared_matrices(brake: Brake, store: Store, comm: MPI.Comm) -> Brake:

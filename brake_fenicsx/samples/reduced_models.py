@@ -14,20 +14,15 @@ from mpi4py import MPI
 import numpy as np
 
 from brake_fenicsx.arguments import AnyArray, Array, Index
-from brake_fenicsx.build.damping_terms import Terms, with_modal_damping
-from brake_fenicsx.build.parametric import ParametricBrake
-from brake_fenicsx.build.values import Box, Values
+from brake_fenicsx.build import damping_terms, parametric, values
 from brake_fenicsx.errors import BrakeError, OfOneProcess, SceneError, StorageError
 from brake_fenicsx.extensions import widest_band
-from brake_fenicsx.folder.files import SharedCache
+from brake_fenicsx.folder import files, processes
 from brake_fenicsx.folder.log import Progress, logger
-from brake_fenicsx.folder.processes import on_first, release_memory
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.scene import Scene, Stability
-from brake_fenicsx.scene.digest import bodies_key
+from brake_fenicsx.scene import Scene, Stability, digest, units
 from brake_fenicsx.scene.scalars import changes_bodies, si_unit
 from brake_fenicsx.scene.scene import active_terms, lone_samples, reduced_approaches
-from brake_fenicsx.scene.units import quantity_text
 from brake_fenicsx.stability import substructures
 
 from .numbering import Numbering, dof_places
@@ -46,11 +41,11 @@ class ReducedModels(OfOneProcess):
         facts: for the summary.
     """
 
-    _brake: ParametricBrake
+    _brake: parametric.ParametricBrake
     _body: Index  # of each dof
 
     def __init__(
-        self, scene: Scene, counts: Mapping[str, int], store: Store, cache: SharedCache,
+        self, scene: Scene, counts: Mapping[str, int], store: Store, cache: files.SharedCache,
         comm: MPI.Comm,
     ):  # fmt: skip
         """Ask which approaches a reduced model may serve; arguments as of ``Models``."""
@@ -63,7 +58,7 @@ class ReducedModels(OfOneProcess):
         self.facts: dict[str, Any] = {}
         self.mark = ""
 
-    def prepare(self, brake: ParametricBrake, numbering: Numbering, k0: Array) -> None:
+    def prepare(self, brake: parametric.ParametricBrake, numbering: Numbering, k0: Array) -> None:
         """Make or load the models on springs k0 [Pa/m]; collective."""
         self.mark, self._brake, self._body = numbering.mark, brake, numbering.body
         for damped in (False, True):
@@ -113,10 +108,8 @@ class ReducedModels(OfOneProcess):
             return False
         held = changes.box.holds(sample.values)
         if not held and self._by_ratio(approach):
-            raise SceneError(
-                f"stability.damping.modal: materials of a sample of {approach!r} lie outside of the"
-                " range of the reduced model, and full order has no damping ratios"
-            )
+            raise SceneError(f"""stability.damping.modal: materials of a sample of {approach!r} lie
+                outside of the range of the reduced model, and full order has no damping ratios""")
         return held
 
     def _by_ratio(self, approach: str) -> bool:
@@ -133,7 +126,7 @@ class ReducedModels(OfOneProcess):
     def _reduce(self, damped: bool, names: list[str], k0: Array) -> None:
         """Reduced model of some approaches; full order for them only if the scene says so."""
         file, box = f"cache/{'damped' if damped else 'undamped'}.npz", self._brake.changes.box
-        friction = friction_of_contact(self._brake.contact, names[0], Values(self._scene))
+        friction = friction_of_contact(self._brake.contact, names[0], values.Values(self._scene))
         usual = substructures.ContactLinearisation.of(k0, friction.mu)
         depends = self.depends(self._acting(damped, box))
         try:
@@ -145,11 +138,9 @@ class ReducedModels(OfOneProcess):
             if any(self._by_ratio(name) for name in names):
                 raise
             if self.settings.on_tolerance != "full order":
-                raise SceneError(
-                    f'{self._scene.file}: stability.method = "reduced": {error}; write'
-                    ' stability.method = "full", or allow full order, which may cost a hundred'
-                    ' times as much, by stability.on_tolerance = "full order"'
-                ) from error
+                raise SceneError(f"""{self._scene.file}: stability.method = "reduced": {error};
+                    write stability.method = "full", or allow full order, which may cost a hundred
+                    times as much, by stability.on_tolerance = "full order" """) from error
             logger.warning("no reduced model: %s; full order", error)
             self.by_reduction |= dict.fromkeys(names, False)
             return
@@ -203,16 +194,15 @@ class ReducedModels(OfOneProcess):
         if (known := self._known(file)) is not None:
             logger.info("reduced model: taken from an earlier run")
             return substructures.ReducedModel(known, brake.w, band, parameters)
-        terms = brake.terms if damped else Terms()
+        terms = brake.terms if damped else damping_terms.Terms()
         followed = "N" + "T" * terms.falls + "R" * terms.turns
-        bodies = substructures.split_substructures(
-            brake.K, brake.M, {"N": brake.N, "T": brake.T, "R": brake.R}, brake.unit_loads,
-            brake.changes.matrices if changing else [], terms.bulk,
-            dof_places(brake, self._body),
-        )  # fmt: skip
+        rows = {"N": brake.N, "T": brake.T, "R": brake.R}
+        changed = brake.changes.matrices if changing else []
+        given = changed, terms.bulk, dof_places(brake, self._body)
+        bodies = substructures.split_substructures(brake.K, brake.M, rows, brake.unit_loads, *given)
         if damped:
-            bodies = with_modal_damping(self._scene, bodies, brake.masses)
-        release_memory()
+            bodies = damping_terms.with_modal_damping(self._scene, bodies, brake.masses)
+        processes.release_memory()
         return substructures.reduce_bodies(
             bodies, brake.w, band, parameters, followed, stability.tolerance,
             self._cutoff(parameters), usual, self._comm,
@@ -230,14 +220,14 @@ class ReducedModels(OfOneProcess):
     def _kept(self, file: str, made: dict[str, AnyArray]) -> dict[str, AnyArray]:
         """What an offline stage made, from the file that the first process writes; collective."""
         marks = {"layout": np.array(LAYOUT), "dofs": np.array(self.mark)}
-        on_first(lambda: self._store.save(file, **marks, **made), self._comm)
+        processes.on_first(lambda: self._store.save(file, **marks, **made), self._comm)
         made.clear()
         found = self._known(file)
         if found is None:
             raise StorageError(f"{self._store.path(file)}: another run wrote over it")
         return found
 
-    def _acting(self, damped: bool, box: Box) -> list[Any]:
+    def _acting(self, damped: bool, box: values.Box) -> list[Any]:
         """What a reduced model depends on beside the bodies."""
         scene, stability = self._scene, self._scene.table.get("stability", {})
         ends = [[*end] for end in zip(box.names, box.low, box.high, strict=True)]
@@ -249,7 +239,7 @@ class ReducedModels(OfOneProcess):
 
     def depends(self, more: list[Any]) -> list[Any]:
         """What files that folders share depend on."""
-        return [bodies_key(self._scene), self.mark, [*self.settings.band], *more]
+        return [digest.bodies_key(self._scene), self.mark, [*self.settings.band], *more]
 
     def _known(self, file: str) -> dict[str, AnyArray] | None:
         """What an earlier run left: processes of a machine hold the large arrays once; collective.
@@ -257,7 +247,7 @@ class ReducedModels(OfOneProcess):
         Their checksums are looked at here, by one process, and nowhere else.
         """
         try:
-            on_first(lambda: self._store.check_mapped(file), self._comm)
+            processes.on_first(lambda: self._store.check_mapped(file), self._comm)
             stored = self._store.load(file, mapped=True)
         except SceneError as error:  # cut short, by a full disc or a killed copy
             logger.warning("%s: made again", error)
@@ -269,4 +259,4 @@ class ReducedModels(OfOneProcess):
 
 def _between(ends: tuple[float, float], unit: str) -> str:
     """Two values with their unit, to three digits."""
-    return " to ".join(quantity_text(float(f"{end:.3g}"), unit) for end in ends)
+    return " to ".join(units.quantity_text(float(f"{end:.3g}"), unit) for end in ends)

@@ -1,6 +1,8 @@
-"""Complex modes of one sample, and what is kept of them."""
+"""One sample: its braking equilibrium, its complex modes, and what is kept of them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -10,9 +12,20 @@ import numpy as np
 import scipy.sparse as sp
 
 from brake_fenicsx.arguments import Array, Complex, Index
-from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.folder.log import logger, spared
-from brake_fenicsx.macro.equilibrium import Equilibrium
+from brake_fenicsx.macro.equilibrium import (
+    BodyOperators,
+    Equilibrium,
+    compliance,
+    corrected_equilibrium,
+    displacement,
+    equilibrium,
+    raised_friction,
+    reference_factor,
+)
+from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.scene import Scene
 from brake_fenicsx.stability import Modes, complex_modes, contact_interface
 from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.modes import (
@@ -33,6 +46,131 @@ Arrays = dict[str, Any]
 # Its name, and modes, their partners, and whether they are those of the reduced model -> what else
 # is stored.
 More = tuple[str, Callable[[Modes, Index, bool], Arrays]]
+
+
+@dataclass(frozen=True, slots=True)
+class Equilibria:
+    """What the equilibria of all samples share.
+
+    Attributes:
+        models: the brake as its samples see it.
+        steps: load steps, taken only if the full load at once does not converge.
+        tolerance: of Newton's iterations, see ``equilibrium``.
+    """
+
+    models: Models
+    steps: int
+    tolerance: float
+
+    @classmethod
+    def of_scene(cls, scene: Scene, models: Models) -> "Equilibria":
+        """With the load steps and the tolerance that a scene names."""
+        steps = max((load.steps for load in scene.loads.values()), default=1)
+        return cls(models, steps, scene.equilibrium.tolerance)
+
+    def of(
+        self, sample: SampleInput, reduced: bool = False, start: Array | None = None
+    ) -> tuple[SampleInput, Equilibrium]:
+        """Equilibrium of a sample, and the sample with laws that are known at its pressures.
+
+        Args:
+            sample: the sample.
+            reduced: whether the reduced model may give the compliance of bodies that change.
+            start: gaps of an equilibrium nearby [m], to start from.
+
+        Raises:
+            NotConverged: neither the full load at once nor the scene's ramp converges, nor is
+                there an equilibrium that can be followed from the one without friction.
+        """
+        while True:
+            found = self._with(sample, reduced, start)
+            laws = sample.laws.up_to(found.p)
+            if laws is sample.laws:
+                return sample, found
+            sample = replace(sample, laws=laws)
+
+    def _with(self, sample: SampleInput, reduced: bool, start: Array | None) -> Equilibrium:
+        """Equilibrium with the laws of a sample as they are; arguments and errors as above."""
+        laws, mu = sample.laws, sample.friction.equilibrium
+        change = None if reduced else sample.brake.stiffness_change
+        if change is not None and sample.brake.contact is self.models.brake.contact:
+            bodies = self._under_loads(sample)
+            if bodies.compliance.factor is not None:
+                try:
+                    return corrected_equilibrium(bodies, change, laws, mu, tolerance=self.tolerance)
+                except NotConverged:
+                    logger.info(
+                        "the bodies of a sample are far from those of the scene: the matrices"
+                        " are factored again"
+                    )
+        bodies = self.bodies(sample, reduced)
+        if start is not None:
+            with suppress(NotConverged):
+                return equilibrium(bodies, laws, mu, tolerance=self.tolerance, start=start)
+        for steps in sorted({1, self.steps}):
+            try:
+                return equilibrium(bodies, laws, mu, steps, self.tolerance)
+            except NotConverged as error:
+                failed = error
+        return raised_friction(bodies, laws, mu, failed, self.tolerance)
+
+    def bodies(
+        self, sample: SampleInput, reduced: bool, sizes: Array | None = None
+    ) -> BodyOperators:
+        """The bodies of a sample under its loads.
+
+        Args:
+            sample: the sample.
+            reduced: see ``of``.
+            sizes: of the loads, shape (loads,); those of the sample if None.
+        """
+        bodies = self._under_loads(sample, sizes)
+        if not sample.brake.own_bodies:
+            return bodies
+        c = bodies.compliance
+        if reduced:
+            NN, NT, gaps = self.models.reduction.of(sample.approach).static(
+                sample.brake.point, c.k0
+            )
+            sizes = sample.brake.pressures if sizes is None else sizes
+            return replace(bodies, compliance=replace(c, NN=NN, NT=NT, Nf=gaps @ sizes))
+        b = bodies
+        own = compliance(sample.brake.K, b.N, b.T, b.w, b.f, c.k0, MPI.COMM_SELF)
+        if own.factor is not None:
+            own.factor.destroy()
+        return replace(bodies, compliance=replace(own, factor=None))
+
+    def displacements(
+        self, given: Sequence[tuple[SampleInput, Mapping[str, Any]]]
+    ) -> Iterator[Array]:
+        """Displacements of stored equilibria [m], shape (dofs,) each.
+
+        Args:
+            given: of each sample its inputs, and what was stored of it.
+        """
+        zero: tuple[Any, ...] = ((0,), 0.0, (), 0.0)
+        shared = list[Factor]()
+        for sample, data in given:
+            eq = Equilibrium(
+                data["g"], data["p"], data["k"], data["k_vibration"], data["mu_equilibrium"], *zero
+            )
+            bodies, own = self._under_loads(sample), sample.brake.own_bodies
+            c = bodies.compliance
+            factor = None if own else c.factor or next(iter(shared), None)
+            if factor is None:
+                factor = reference_factor(sample.brake.K, bodies.N, bodies.w, c.k0)
+                shared += [] if own else [factor]
+            yield displacement(replace(bodies, compliance=replace(c, factor=factor)), eq, bodies.f)
+            if own:
+                factor.destroy()
+        for factor in shared:
+            factor.destroy()
+
+    def _under_loads(self, sample: SampleInput, sizes: Array | None = None) -> BodyOperators:
+        """The scene's bodies under the loads of a sample; arguments as above."""
+        b, sizes = sample.brake.contact, sample.brake.pressures if sizes is None else sizes
+        f = self.models.brake.unit_loads @ sizes
+        return BodyOperators(b.N, b.T, b.w, b.g0, f, self.models.loads.times(sizes))
 
 
 def modes_of_sample(
@@ -108,10 +246,9 @@ def full_modes(
     b, k = brake.contact, eq.k_vibration
     friction = contact_interface(b.N, b.T, b.w * k, mu) if mu.any() else None
     K = tangent(brake.K, b.N, b.T, b.w, k, mu)
-    return complex_modes(
-        brake.M, brake.C(sample.friction, eq.p), K, (settings.band[0], settings.band[1]),
-        zeta_max=settings.zeta_max, friction=friction, comm=comm,
-    )  # fmt: skip
+    C, zeta = brake.C(sample.friction, eq.p), settings.zeta_max
+    band = settings.band[0], settings.band[1]
+    return complex_modes(brake.M, C, K, band, zeta_max=zeta, friction=friction, comm=comm)
 
 
 def linearised(sample: SampleInput, k: Array, p: Array) -> ContactLinearisation:
@@ -172,10 +309,8 @@ def _full(
     mass = None if sample.brake.C(sample.friction, eq.p) is None else sample.brake.M
     grown = np.flatnonzero(np.array(modes.verdict, str) == "unstable")
     tolerance, masses = models.reduction.settings.tolerance, models.brake.masses
-    out = {
-        **_stored(modes, tolerance, mass, masses, more, False),
-        "vectors": modes.right[:, grown].astype(np.complex64), "vector_mode": grown,
-    }  # fmt: skip
+    out = _stored(modes, tolerance, mass, masses, more, False)
+    out |= {"vectors": modes.right[:, grown].astype(np.complex64), "vector_mode": grown}
     coordinates = models.coordinates.of(modes.right)
     if coordinates is not None:
         out["coordinates"] = coordinates.astype(np.complex64)
@@ -205,15 +340,12 @@ def _stored(
         unstable = np.array(modes.verdict, str) == "unstable"
         partners = damped_partners(modes.s, modes.right, mass, unstable)
     shares = energy_shares(masses, modes.right)
-    out: Arrays = {
-        "s": modes.s, "residual": modes.residual, "error": modes.error,
-        "condition": modes.condition, "verdict": np.array(modes.verdict, dtype=str),
-        "damping": modes.damping, "expected": modes.count.expected,
-        "count_kind": modes.count.kind, "counted": modes.count.how,
-        "tolerance_missed": _missed(modes, tolerance), "stability_seconds": modes.seconds,
-        "partner": partners, "layers": np.array(list(shares), dtype=str),
-        "shares": np.array(list(shares.values())).reshape(len(shares), len(modes)),
-    }  # fmt: skip
+    out: Arrays = {n: getattr(modes, n) for n in ("s", "residual", "error", "condition", "damping")}
+    out |= {"expected": modes.count.expected, "count_kind": modes.count.kind}
+    out |= {"counted": modes.count.how, "verdict": np.array(modes.verdict, dtype=str)}
+    out |= {"tolerance_missed": _missed(modes, tolerance), "stability_seconds": modes.seconds}
+    out |= {"partner": partners, "layers": np.array(list(shares), dtype=str)}
+    out["shares"] = np.array(list(shares.values())).reshape(len(shares), len(modes))
     lost: list[str] = []
     for name, make in more:
         made, missing = spared(name, partial(make, modes, partners, by_reduction))

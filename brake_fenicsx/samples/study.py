@@ -20,21 +20,16 @@ from brake_fenicsx.folder.files import SharedCache
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.braking import reference_stiffness
+from brake_fenicsx.macro.contact_forces import EnrichedGap
 from brake_fenicsx.macro.equilibrium import Equilibrium
-from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures.parameter_line import Basis
 
-from .drivers import driver_arrays
-from .ensemble import run_ensemble
-from .equilibria import Equilibria
-from .forces import forces_of_sample, mean_friction, moved
+from . import drivers, ensemble, forces, sampling
 from .models import Models
-from .random_inputs import PERFECT, note_laws, points_of
-from .sampling import Roughness, SampleInput, at_values, draw_sample, sample_count, sample_seed
-from .solve import More, displacements, full_modes, modes_of_sample, reduced_modes
+from .solve import Equilibria, More, displacements, full_modes, modes_of_sample, reduced_modes
 
 T = TypeVar("T")
 
@@ -51,11 +46,11 @@ class Study(OfOneProcess):
         self,
         scene: Scene,
         brake: Brake,
-        rough: Roughness,
+        rough: sampling.Roughness,
         store: Store,
         comm: MPI.Comm,
         cache: SharedCache | None = None,
-        zones: Mapping[str, Roughness] | None = None,
+        zones: Mapping[str, sampling.Roughness] | None = None,
     ):
         """Collect what the samples need.
 
@@ -68,22 +63,24 @@ class Study(OfOneProcess):
             cache: what the folder shares with others; nothing if None.
             zones: interfaces that have a surface of their own.
         """
-        self.rough: Roughness = rough
-        self.zones: Mapping[str, Roughness] = zones or {}
+        self.rough: sampling.Roughness = rough
+        self.zones: Mapping[str, sampling.Roughness] = zones or {}
         self.scene: Scene = scene
         self.brake: Brake = brake
         self.store: Store = store
         self.comm: MPI.Comm = comm
         self.facts: dict[str, Any] = {}
         approaches = scene.samples.approaches
-        count = {name: sample_count(scene, name) for name in approaches}
-        self.points: dict[str, Array | None] = {name: points_of(scene, name) for name in approaches}
+        count = {name: sampling.sample_count(scene, name) for name in approaches}
+        self.points: dict[str, Array | None] = {
+            name: sampling.points_of(scene, name) for name in approaches
+        }
         self.tasks: list[Task] = [(name, k) for name in approaches for k in range(count[name])]
         self.models: Models = Models(scene, count, store, comm, cache or SharedCache(store))
         self.equilibria = Equilibria.of_scene(scene, self.models)
         self._displaced: dict[Task, Array] = {}
         self._first: dict[str, Array | None] = {}
-        self._drawn: dict[Task, SampleInput] = {}  # the last one
+        self._drawn: dict[Task, sampling.SampleInput] = {}  # the last one
         # Vectors of the families, once the tables are written; on one process.
         self.families: Complex | None = None
         self.squealing: list[int] = []
@@ -98,7 +95,7 @@ class Study(OfOneProcess):
     def prepare(self) -> None:
         """Factor the reference, and make or load the reduced models."""
         brake, models = self.brake, self.models
-        note_laws(self.scene)
+        sampling.note_laws(self.scene)
         models.brake = parametric_brake(self.scene, brake)
         pressure = brake.pressed / float(brake.w.sum())
         # Any value serves; a round one is that of similar scenes too.
@@ -112,7 +109,7 @@ class Study(OfOneProcess):
     def _reference_laws(self) -> EnrichedGap:
         """Laws of the first sample that can be drawn, of rough contact if there is any."""
         names = self.scene.samples.approaches
-        name = next((n for n in names if n not in PERFECT), names[0])
+        name = next((n for n in names if n not in sampling.PERFECT), names[0])
         for k in range(sum(task[0] == name for task in self.tasks)):
             try:
                 return self.sample((name, k)).laws
@@ -136,7 +133,7 @@ class Study(OfOneProcess):
         # One sample that takes long comes before many, which fill the time of the others.
         count = Counter(approach for approach, _ in tasks)
         short = sorted((t for t in tasks if reduced[t[0]]), key=lambda t: count[t[0]])
-        run_ensemble(short, self.work, self.store, self.comm, long, paired=self._paired)
+        ensemble.run_ensemble(short, self.work, self.store, self.comm, long, paired=self._paired)
 
     @property
     def _paired(self) -> bool:
@@ -155,7 +152,7 @@ class Study(OfOneProcess):
         parts = ("samples at full order", self.verify), ("pictures and figures", works)
         what = ", ".join(name for name, there in parts if there)
         files = self.store, self.comm
-        return run_ensemble((), self.work, *files, self.verify, what, self._paired, works)
+        return ensemble.run_ensemble((), self.work, *files, self.verify, what, self._paired, works)
 
     def work(self, task: Task, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, Any]:
         """Equilibrium and modes of one sample, as arrays to store.
@@ -169,13 +166,15 @@ class Study(OfOneProcess):
                 known of its inputs is in ``known``.
         """
         approach, k = task
-        known: dict[str, Any] = {"seed": np.uint64(sample_seed(self.scene.samples.seed, k))}
+        known: dict[str, Any] = {
+            "seed": np.uint64(sampling.sample_seed(self.scene.samples.seed, k))
+        }
         try:
             sample = self.sample((self.verified if approach == VERIFY else approach, k))
             names = sorted(sample.values)
             known |= {
                 "mu": sample.friction.mu,
-                "mean_mu": mean_friction(self.brake.contact, sample.friction.mu),
+                "mean_mu": forces.mean_friction(self.brake.contact, sample.friction.mu),
                 "random_names": np.array(names, dtype=str),
                 "random": np.array([sample.values[n] for n in names]),
             }
@@ -202,29 +201,26 @@ class Study(OfOneProcess):
             return InaccurateResult(f"verification at full order: {error}")
         return None
 
-    def _solved(self, task: Task, sample: SampleInput, comm: MPI.Comm) -> dict[str, Any]:
+    def _solved(self, task: Task, sample: sampling.SampleInput, comm: MPI.Comm) -> dict[str, Any]:
         """Equilibrium and modes of a sample by its inputs; arguments as above."""
         k, models, own = task[1], self.models, task[0] != VERIFY
         reduced = own and models.reduction.takes(sample)
         start = self._first_gaps(sample.approach) if k and reduced else None
         sample, eq = self.equilibria.of(sample, reduced, start)
-        out: dict[str, Any] = {
-            "mu_equilibrium": sample.friction.equilibrium,
-            "g": eq.g, "g_cr": sample.laws.g_cr, "p": eq.p, "k": eq.k,
-            "k_vibration": eq.k_vibration, "law": sample.laws.index,
-            "equilibrium_iterations": sum(eq.iterations), "equilibrium_residual": eq.residual,
-            "equilibrium_seconds": eq.seconds,
-        }  # fmt: skip
+        out: dict[str, Any] = {n: getattr(eq, n) for n in ("g", "p", "k", "k_vibration")}
+        out |= {"mu_equilibrium": sample.friction.equilibrium, "g_cr": sample.laws.g_cr}
+        out |= {"law": sample.laws.index, "equilibrium_iterations": sum(eq.iterations)}
+        out |= {"equilibrium_residual": eq.residual, "equilibrium_seconds": eq.seconds}
         contact = sample.brake.contact
         out["beyond_laws"] = sample.laws.beyond(eq.p, contact.w)
         if contact is not self.brake.contact:
-            out["moved"] = moved(contact)
-        out["forces"] = forces_of_sample(self.scene, contact, eq.p, sample.friction.mu)
+            out["moved"] = forces.moved(contact)
+        out["forces"] = forces.forces_of_sample(self.scene, contact, eq.p, sample.friction.mu)
         if models.stability is not None:
             more: list[More] = []
             if models.stability.drivers and own and comm.rank == 0:
                 given = self.equilibria, sample, eq, k == 0
-                more.append(("drivers", partial(driver_arrays, *given)))
+                more.append(("drivers", partial(drivers.driver_arrays, *given)))
             extras = self.beside.items() if own and comm.rank == 0 else ()
             more += [(what, partial(work.of, sample, eq)) for what, work in extras]
             out |= modes_of_sample(models, sample, eq, reduced, more, comm)
@@ -262,10 +258,9 @@ class Study(OfOneProcess):
         models = self.models
         for key in values:
             if changes_bodies(self.scene, key) and key not in models.brake.changes.box.names:
-                raise SceneError(
-                    f"{key}: enters the matrices of the bodies; name it in [sweep.parameters] or"
-                    " [samples.random], or give its range to prepare(.., parameters={..})"
-                )
+                raise SceneError(f"""{key}: enters the matrices of the bodies; name it in
+                    [sweep.parameters] or [samples.random], or give its range to prepare(..,
+                    parameters={{..}})""")
         sample = self.sample(task, values)
         reduced = models.reduction.takes(sample)
         sample, eq = self.equilibria.of(sample, reduced, start)
@@ -283,7 +278,7 @@ class Study(OfOneProcess):
         return eq, replace(modes, right=right, left=left, on_mesh=on_mesh)
 
     def _on_mesh(
-        self, sample: SampleInput, known: Mapping[str, Any], mode: int
+        self, sample: sampling.SampleInput, known: Mapping[str, Any], mode: int
     ) -> tuple[Any, Complex]:
         """Space of the displacements and those of a mode of a sample; see ``Modes.on_mesh``."""
         ((u, _),) = displacements(self.models, [(sample, known, np.array([mode]))], MPI.COMM_SELF)
@@ -305,7 +300,7 @@ class Study(OfOneProcess):
             self._displaced = dict(zip(stored, found, strict=True))
         return self._displaced
 
-    def sample(self, task: Task, values: Mapping[str, float] | None = None) -> SampleInput:
+    def sample(self, task: Task, values: Mapping[str, float] | None = None) -> sampling.SampleInput:
         """A sample with its brake, laws and friction, before its equilibrium.
 
         Args:
@@ -320,12 +315,12 @@ class Study(OfOneProcess):
             (approach, k), points = task, self.points[task[0]]
             point = None if points is None else points[k]
             given = self.scene, approach, k, self.models.brake.at, self.rough, point
-            drawn = draw_sample(*given, self.zones)
+            drawn = sampling.draw_sample(*given, self.zones)
             self._drawn = {task: drawn}
         drawn = self._drawn[task]
-        return at_values(drawn, values) if values else drawn
+        return sampling.at_values(drawn, values) if values else drawn
 
-    def balance(self, sample: SampleInput, reduced: bool = False) -> Equilibrium:
+    def balance(self, sample: sampling.SampleInput, reduced: bool = False) -> Equilibrium:
         """Braking equilibrium of a sample; see ``Equilibria.of``."""
         return self.equilibria.of(sample, reduced)[1]
 

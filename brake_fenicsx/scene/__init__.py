@@ -1,15 +1,13 @@
 """The scene: reading, checking, and what it comes to in SI units."""
 
-from .contact_section import ContactTable, Friction, LawTable
-from .parts_section import BUILDERS, MaterialTable, MeshTable, Part
+from .contact_section import ContactTable, Friction, LawTable, Micro, Statistics
+from .parts_section import BUILDERS, MaterialTable
 from .read import read_scene
-from .samples_section import Classical, Design, Distribution, Samples
+from .samples_section import Distribution, Samples
 from .scene import STAGES, Scene, scene_type
 from .stability_section import Stability
-from .surface_section import Micro, Statistics, Surface
 
 __all__ = [
-    "BUILDERS", "STAGES", "Classical", "ContactTable", "Design", "Distribution", "Friction",
-    "LawTable", "MaterialTable", "MeshTable", "Micro", "Part", "Samples", "Scene", "Stability",
-    "Statistics", "Surface", "read_scene", "scene_type",
+    "BUILDERS", "STAGES", "ContactTable", "Distribution", "Friction", "LawTable", "MaterialTable",
+    "Micro", "Samples", "Scene", "Stability", "Statistics", "read_scene", "scene_type",
 ]  # fmt: skip

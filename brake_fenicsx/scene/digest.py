@@ -12,9 +12,7 @@ from brake_fenicsx import __version__
 from brake_fenicsx.extensions import extras, named
 from brake_fenicsx.folder.files import digest
 
-from . import LawTable, Samples, Scene
-from .scalars import changes_bodies
-from .surface_section import Surface
+from . import LawTable, Samples, Scene, contact_section, scalars
 
 # Format of laws and samples on disk: what older programs wrote is not read as current.
 FORMAT = 4
@@ -72,7 +70,7 @@ def result_digest(scene: Scene) -> str:
     swept = scene.sweep.parameters if scene.sweep else {}
     laws = {n: c.law.steps for n, c in scene.contact.items() if isinstance(c.law, LawTable)}
     more = {
-        "sweep": {k: r.points for k, r in swept.items() if changes_bodies(scene, k)},
+        "sweep": {k: r.points for k, r in swept.items() if scalars.changes_bodies(scene, k)},
         "extensions": scene.own.marks,
         "laws": {n: steps for n, steps in laws.items() if steps},
         **_inputs(scene.samples),
@@ -152,7 +150,7 @@ def file_digests(scene: Scene) -> dict[str, str]:
     }
 
 
-def _surface_files(where: str, surface: Surface | None) -> dict[str, str | None]:
+def _surface_files(where: str, surface: contact_section.Surface | None) -> dict[str, str | None]:
     """Files of a surface by the key that names each."""
     if surface is None:
         return {}

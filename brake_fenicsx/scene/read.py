@@ -1,9 +1,8 @@
 """A scene: one TOML file to checked, frozen settings in SI units, and classes of a user's own.
 
-Other values in the text of a scene: they are replaced, all else stays as it is.
-
-Each is found by trying: of the places where a key of this name is written, the right one is that
-which changes this key of the scene, and no other, when the text is read again.
+Values are also replaced in the text of a scene, where all else stays as it is. Each is found by
+trying: of the places where a key of this name is written, the right one is that which changes this
+key of the scene, and no other, when the text is read again.
 """
 
 import copy
@@ -22,14 +21,9 @@ from brake_fenicsx.errors import SceneError, located
 from brake_fenicsx.extensions import MESH_FILES, Extensions, load, named, own_class
 from brake_fenicsx.folder.files import whole_file
 
-from .bodies_section import DIRECTIONS, Held
-from .contact_section import with_table
+from . import contact_section, parts_section, rules, samples_section, scalars, stability_section
 from .keys import contradictions, dotted, key_parts, read_table, shown, walk
-from .rules import check_consistent
-from .samples_section import complete
-from .scalars import SPEED, check_scalar, si_unit
 from .scene import STAGES, ExtensionsTable, Scene, scene_type
-from .stability_section import Damping
 from .units import in_unit_of
 
 MAPPING = "scene (mapping)"  # in place of the path of a file
@@ -147,16 +141,20 @@ def _scene(path: Path, table: dict[str, Any]) -> Scene:
     if scene.surface and len(scene.surface.scans) == 1:  # a list of one is that one, in hashes too
         table = {**table, "surface": {**table["surface"], "scan": scene.surface.scans[0]}}
     roughness = any(c.law == "library" or c.gap != "none" for c in scene.contact.values())
-    random = {n: complete(d, n, path.parent) for n, d in scene.samples.random.items()}
-    contact = {n: with_table(c, n, path.parent) for n, c in scene.contact.items()}
+    random = {
+        n: samples_section.complete(d, n, path.parent) for n, d in scene.samples.random.items()
+    }
+    contact = {n: contact_section.with_table(c, n, path.parent) for n, c in scene.contact.items()}
     held = scene.supports.items()
-    supports: dict[str, Held] = {f: DIRECTIONS if h == "clamped" else h for f, h in held}
+    supports: dict[str, parts_section.Held] = {
+        f: parts_section.DIRECTIONS if h == "clamped" else h for f, h in held
+    }
     scene = replace(
         scene, contact=contact, supports=supports, file=path, table=table, own=own,
         stages=tuple(s for s in STAGES if s in scene.stages),
         samples=replace(scene.samples, random=random, roughness=roughness),
     )  # fmt: skip
-    check_consistent(scene)
+    rules.check_consistent(scene)
     for extra in named(scene):
         if extra.check:
             scene = load(extra.check)(scene, partial(_changed, scene, extra.sections))
@@ -235,14 +233,14 @@ def with_objects(scene: Scene, own: Extensions) -> Scene:
     if own.damping:
         if stability is None:
             raise SceneError(f"{at}: damping needs the section [stability]")
-        table = stability.damping or Damping()
+        table = stability.damping or stability_section.Damping()
         terms = (*table.own, *own.damping)
         stability = replace(stability, damping=replace(table, own=terms))
     random: dict[str, Any] = {**scene.samples.random, **own.random}
     samples = replace(scene.samples, random=random)
     changed = replace(scene, contact=contact, stability=stability, samples=samples)
     for name in own.random:
-        check_scalar(changed, f"{at}: {name}", name)
+        scalars.check_scalar(changed, f"{at}: {name}", name)
     return changed
 
 
@@ -271,8 +269,8 @@ def _units(scene: Scene) -> dict[tuple[str, ...], str | tuple[str, ...]]:
     parts = [walk(part.parameters, ("parts", name)) for name, part in scene.parts.items()]
     for keys, about, _ in chain(walk(scene), *parts):
         unit = about.get("units") or about.get("unit", "")
-        units[keys] = si_unit(scene, keys[-2]) if unit == "*" else unit
-    return units | {tuple(SPEED.split(".")): si_unit(scene, SPEED)}
+        units[keys] = scalars.si_unit(scene, keys[-2]) if unit == "*" else unit
+    return units | {tuple(scalars.SPEED.split(".")): scalars.si_unit(scene, scalars.SPEED)}
 
 
 def write_text(file: Path, text: str) -> None:

@@ -7,9 +7,8 @@ from itertools import combinations
 
 from brake_fenicsx.errors import SceneError
 
-from .bodies_section import DIRECTIONS
 from .keys import dotted, shown
-from .parts_section import BUILDERS, longest_length
+from .parts_section import BUILDERS, DIRECTIONS, longest_length
 from .samples_section import APPROACHES, NO_ROUGH_SAMPLES, below_least, is_constant, split_key
 from .scalars import check_scalar
 from .scene import (
@@ -43,11 +42,8 @@ def check_consistent(s: Scene) -> None:
     Raises:
         SceneError: the key, its value and the remedy.
     """
-    rules = (
-        _names, _stages, _surface, part_mistakes, _contact, face_mistakes, _motion,
-        damping_mistakes, _varied, _sweep, _approaches,
-    )  # fmt: skip
-    for rule in rules:
+    bodies = _names, _stages, _surface, part_mistakes, _contact, face_mistakes, _motion
+    for rule in (*bodies, damping_mistakes, _varied, _sweep, _approaches):
         for text in rule(s):
             raise SceneError(text)
 

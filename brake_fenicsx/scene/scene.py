@@ -1,12 +1,10 @@
-"""The scene: its sections in SI units, each in the module that is about it.
+"""The scene: its sections in SI units, each in the module that is about it; what acts in samples.
 
 Every key is a field of a dataclass, or of a builder in ``geometry``: its default, and as metadata
 unit, sign, choices, rule and usual values (``keys.key``); its meaning stands in the docstring. What
 the keys of a table contradict in one another stands below them (``contradictions``), and what
 sections contradict in ``rules``. What a scene does not name is None, and is neither built,
-assembled nor imported.
-
-What acts in the samples of each approach: friction, damping, and the method of the modes.
+assembled nor imported. Friction, damping and the method of the modes are those of each approach.
 """
 
 import os
@@ -18,13 +16,23 @@ from typing import Any, Self
 
 from brake_fenicsx.extensions import Extensions, beside_samples, extras, load
 
-from .bodies_section import HELD, AddedMass, Held, Load, Motion, Spring, Tie
-from .contact_section import ContactTable, Friction
+from .contact_section import ContactTable, Friction, Micro, Surface
 from .keys import dotted, key
-from .parts_section import MaterialTable, MeshTable, Part, parts_type
+from .parts_section import (
+    HELD,
+    AddedMass,
+    Held,
+    Load,
+    MaterialTable,
+    MeshTable,
+    Motion,
+    Part,
+    Spring,
+    Tie,
+    parts_type,
+)
 from .samples_section import Samples, Sweep
 from .stability_section import TERMS, Damping, EquilibriumTable, Stability
-from .surface_section import Micro, Surface
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
 

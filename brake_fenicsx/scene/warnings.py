@@ -7,10 +7,9 @@ from typing import Any
 
 from brake_fenicsx.errors import lines
 
-from .bodies_section import Load
 from .contact_section import ContactTable
 from .keys import dotted, walk
-from .parts_section import MaterialTable, longest_length
+from .parts_section import Load, MaterialTable, longest_length
 from .samples_section import Classical, Distribution, split_key
 from .scene import Scene
 from .units import MODULI, quantity_text, with_unit

@@ -7,13 +7,12 @@ from brake_fenicsx.stability.substructures import (
     ContactLinearisation,
     Parameters,
     ReducedModel,
-    Substructure,
     reduce_bodies,
     split_substructures,
 )
 from brake_fenicsx.stability.substructures.offline import Reduced
 
 __all__ = [
-    "ContactLinearisation", "Modes", "Parameters", "Reduced", "ReducedModel", "Substructure",
-    "complex_modes", "contact_interface", "reduce_bodies", "split_substructures",
+    "ContactLinearisation", "Modes", "Parameters", "Reduced", "ReducedModel", "complex_modes",
+    "contact_interface", "reduce_bodies", "split_substructures",
 ]  # fmt: skip

@@ -48,8 +48,8 @@ from dolfinx.fem import petsc as fem_petsc
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.contact_forces import Rotation
 from brake_fenicsx.macro.elasticity import FreeDofs, on_free_dofs
-from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.meshing.brake_mesh import Mesh
 
 

@@ -35,8 +35,7 @@ import scipy.sparse as sp
 from brake_fenicsx.arguments import Array, Complex, Mask
 
 from .eigensolvers.eigenpairs import QuadraticPencil, inner
-from .substructures.contact_rows import ContactLinearisation
-from .substructures.vectors import ContactMotions
+from .substructures import contact_rows, vectors
 
 # A derivative is trusted if a change by its step leads at most half way to a merging point.
 HALF_WAY = 0.25
@@ -48,7 +47,7 @@ def motions_of_vectors(
     s: Complex,
     right: Complex,
     left: Complex,
-) -> ContactMotions:
+) -> vectors.ContactMotions:
     """Motions of modes at the contact elements, from displacements.
 
     Args:
@@ -61,7 +60,7 @@ def motions_of_vectors(
     seen = {name: np.asarray(A @ right) for name, A in rows.items()}
     met = {name: np.asarray(A @ left.conj()) for name, A in rows.items()}
     slope = inner(left, pencil.slope(s, right))
-    return ContactMotions(s, slope, seen, met, np.zeros(s.size))
+    return vectors.ContactMotions(s, slope, seen, met, np.zeros(s.size))
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +86,7 @@ class ContactDerivatives:
 
 
 def contact_derivatives(
-    m: ContactMotions, contact: ContactLinearisation, mu: Array, w: Array
+    m: vectors.ContactMotions, contact: contact_rows.ContactLinearisation, mu: Array, w: Array
 ) -> ContactDerivatives:
     """Derivatives of lambda to what acts in each contact element.
 
@@ -115,7 +114,7 @@ def bilinear(A: Any, right: Complex, left: Complex, slope: Complex) -> Complex:
 
 
 def friction_work(
-    m: ContactMotions, contact: ContactLinearisation, w: Array, inertia: Array
+    m: vectors.ContactMotions, contact: contact_rows.ContactLinearisation, w: Array, inertia: Array
 ) -> Array:
     """Work of friction over a period, in each contact element, over the energy of the mode.
 

@@ -8,7 +8,7 @@ Undamped, the problem is K phi = kappa M phi with kappa = -lambda^2, in real ari
   number of a determinant on the contact interface count the modes of a region around the band;
 - anything else: SLEPc, and the record says that nothing was counted.
 
-Damped problems are those of ``full.damped``; large ones are counted by a reduced model: the whole
+Damped problems are those of ``full.general``; large ones are counted by a reduced model: the whole
 brake without friction, its contact springs included, is one substructure whose modes an inertia
 count proves complete; damping couples them with what they leave out, and friction, of low rank,
 enters as the forces of a contact. The zeros of its T(z) are the eigenvalues.
@@ -29,24 +29,13 @@ from brake_fenicsx.arguments import Array, Complex, frequency_band
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.macro.solver import whole, with_interface
 
-from .eigensolvers import symmetric
+from .eigensolvers import eigenpairs, symmetric
 from .eigensolvers.argument_principle import damped_region
-from .eigensolvers.eigenpairs import (
-    ROUND_OFF,
-    QuadraticPencil,
-    paired,
-    residuals,
-    times,
-    undamped_errors,
-)
-from .full.damped import damped_modes
-from .full.dense import DENSE, small_modes
 from .full.friction_modes import friction_modes
+from .full.general import DENSE, damped_modes, general_modes, small_modes
 from .full.interface import Found, Interface, SplitProblem, difference_interface
 from .modes import Count, Modes, counted_rows, undamped_rows
-from .substructures.contact_rows import ContactLinearisation
-from .substructures.offline import reduce_bodies
-from .substructures.substructure import Substructure
+from .substructures import contact_rows, offline, substructure
 
 # The count needs the number of zeros, not their digits.
 TOLERANCE = 1e-3
@@ -127,8 +116,6 @@ def complex_modes(
     elif problem.friction is not None:
         found = friction_modes(problem, problem.friction, low, high, zeta_max, comm)
     if found is None:
-        from .full.krylov_schur import general_modes  # SLEPc, which the others do without
-
         found = general_modes(problem, high, zeta_max, 1e-2 * tolerance)
     return _record(problem, found, band, tolerance, zeta_max, start)
 
@@ -186,21 +173,20 @@ def _record(
     Raises:
         NotConverged: a mode misses the tolerance by more than round-off explains.
     """
-    MX = times(p.M, f.right)
-    R = times(p.K, f.right) - f.kappa * MX
-    left = paired(f.kappa, f.left, MX)
-    condition, error = undamped_errors(p.M, f.kappa, f.right, left, R, MX)
-    pencil = QuadraticPencil(p.M, None, p.K)
-    residual, backward = residuals(pencil, np.sqrt(-f.kappa), f.right, R, MX)
+    MX = eigenpairs.times(p.M, f.right)
+    R = eigenpairs.times(p.K, f.right) - f.kappa * MX
+    left = eigenpairs.paired(f.kappa, f.left, MX)
+    condition, error = eigenpairs.undamped_errors(p.M, f.kappa, f.right, left, R, MX)
+    pencil = eigenpairs.QuadraticPencil(p.M, None, p.K)
+    residual, backward = eigenpairs.residuals(pencil, np.sqrt(-f.kappa), f.right, R, MX)
     order, lam, spread, real = undamped_rows(f.kappa, error, band)
-    missed = (residual > tolerance) & (backward > ROUND_OFF)
+    missed = (residual > tolerance) & (backward > eigenpairs.ROUND_OFF)
     if np.any(missed[order]):
         raise NotConverged(f"""full order: relative residual {residual[order].max():.1e}, wanted
             {tolerance:.0e}""")
-    return Modes(
-        lam, f.right[:, order], left[:, order], residual[order], spread, condition[order],
-        counted_rows(lam, f.counting, zeta_max), time.perf_counter() - start, real,
-    )  # fmt: skip
+    right, left, residual = f.right[:, order], left[:, order], residual[order]
+    count, seconds = counted_rows(lam, f.counting, zeta_max), time.perf_counter() - start
+    return Modes(lam, right, left, residual, spread, condition[order], count, seconds, real)
 
 
 def counted(p: SplitProblem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: float) -> Count:
@@ -225,14 +211,14 @@ def counted(p: SplitProblem, C: sp.csr_matrix, s: Complex, high: float, zeta_max
     none = sp.csr_matrix((0, dofs.size))
     left, right = (none, none) if p.friction is None else (p.friction.left, p.friction.right)
     elements = np.arange(right.shape[0])
-    body = Substructure(
+    body = substructure.Substructure(
         dofs, elements, p.frictionless, p.M, C, {"N": right, "T": left}, np.zeros((dofs.size, 0))
     )
     one = np.ones(elements.size)
     # Friction left' right with springs of 1 N/m, and nothing along the gaps.
-    contact = ContactLinearisation(0 * one, one, 0 * one, 0 * one)
+    contact = contact_rows.ContactLinearisation(0 * one, one, 0 * one, 0 * one)
     try:
-        model = reduce_bodies([body], one, (0.0, high / 2 / np.pi), tolerance=TOLERANCE)
+        model = offline.reduce_bodies([body], one, (0.0, high / 2 / np.pi), tolerance=TOLERANCE)
     except InaccurateResult as error:
         if symmetric.count_below(p.frictionless, p.M, -symmetric.SHIFT * high**2)[0] > 0:
             return p.indefinite

@@ -1,12 +1,9 @@
-"""Complex modes as records: band, damping, error, verdict.
+"""Complex modes as records: band, damping, error, verdict, the parts that move, flutter partners.
 
 lambda = alpha + i omega [1/s]; frequency |omega| / 2 pi; damping = -2 alpha / |omega|, negative
 means unstable. An undamped problem K phi = kappa M phi has lambda^2 = -kappa: a complex pair of
-kappa gives two rows, +-alpha.
-
-The rows of a band are chosen among eigenvalues here, rigid modes and divergence included.
-
-Which part of the brake moves in a mode, and which mode a flutter pair is made of.
+kappa gives two rows, +-alpha. The rows of a band are chosen among eigenvalues here, rigid modes and
+divergence included.
 
 The share of a part in the kinetic energy of a mode phi is phi^H M_p phi / sum_q phi^H M_q phi, with
 the mass M_p of the part on the dofs of all parts. Shared nodes belong to each part by its own mass,

@@ -1,4 +1,4 @@
-"""Files of instruments through SurfaceTopography, and what its releases read differently.
+"""Files of instruments: X3P here, others through SurfaceTopography, whose releases differ.
 
 What marks points that were not measured is read from the file itself, so that it does not depend on
 the release: Wyko OPD: the two largest 16-bit integers; Digital Surf SUR: two steps below the
@@ -7,10 +7,9 @@ smallest height of the header; Keyence ZON: a map of bytes.
 The table of formats was seen on files of the instruments with the releases 1.18.2 and 1.27.1 side
 by side. A release outside the range is not installed: the same file would give other numbers.
 
-Reader of X3P, the container of ISO 25178-72 (ISO 5436-2): heights as numbers of four types.
-
-Releases of SurfaceTopography before 1.27 take the integer types for unsigned and leave out the
-offset of the heights, so the format is read here.
+X3P is the container of ISO 25178-72 (ISO 5436-2), with heights as numbers of four types. Releases
+of SurfaceTopography before 1.27 take the integer types for unsigned and leave out the offset of the
+heights, so the format is read here.
 """
 
 import struct

@@ -1,11 +1,10 @@
 """From scans to their statistics: what the artificial surfaces have to share with them.
 
-Spectrum of a surface of which a scan shows only a part.
-
-Missing points are filled harmonically, and the filled surface is smoother than the measured one: by
-how much at every wave number depends on the sizes of the holes. Random surfaces of the spectrum
-that is sought lose the same points and are levelled, filled and transformed like the scan; what
-they lose on average is what the scan has lost (indirect inference).
+Of a surface that a scan shows only in part, missing points are filled harmonically, and the filled
+surface is smoother than the measured one: by how much at every wave number depends on the sizes of
+the holes. Random surfaces of the spectrum that is sought lose the same points and are levelled,
+filled and transformed like the scan; what they lose on average is what the scan has lost (indirect
+inference).
 
 Reference: C. Gourieroux, A. Monfort, E. Renault, J. Appl. Econometrics 8 (1993) S85,
 doi:10.1002/jae.3950080507.

@@ -1,4 +1,4 @@
-"""Artificial rough surfaces with a given spectrum and a given height distribution.
+"""Artificial rough surfaces with a given spectrum and height distribution, and scans of them.
 
 The spectrum is that of the scan; the variance of the surface follows from it, since a surface
 longer than the scan has longer waves too. The height distribution gives the shape: skewness,
@@ -17,12 +17,11 @@ Reference: M. Grigoriu, J. Eng. Mech. 124 (1998) 121,
 doi:10.1061/(ASCE)0733-9399(1998)124:2(121); M. D. Shields, G. Deodatis, P. Bocchini, Prob. Eng.
 Mech. 26 (2011) 511, doi:10.1016/j.probengmech.2011.04.003 (iteration on the spectrum).
 
-Statistics of a surface as another scan of it would give them.
-
-The other scan is a cut of an artificial surface of the same statistics, twice as long as the scan:
-it has the scatter of long waves and of few summits, and is levelled and described like the scan
-(parametric bootstrap). Tiles of the scan drawn with replacement, the block bootstrap, scatter half
-as much as scans do: a scan holds few of its own longest waves.
+Statistics as another scan of the surface would give them are those of a cut of an artificial
+surface of the same statistics, twice as long as the scan: it has the scatter of long waves and of
+few summits, and is levelled and described like the scan (parametric bootstrap). Tiles of the scan
+drawn with replacement, the block bootstrap, scatter half as much as scans do: a scan holds few of
+its own longest waves.
 
 Reference: B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap (1993), section 6.5,
 doi:10.1201/9780429246593.

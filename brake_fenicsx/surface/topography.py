@@ -1,8 +1,7 @@
-"""A scan or an artificial surface: heights that know their size; levelling and clean-up.
+"""A scan or an artificial surface: heights that know their size; levelling, clean-up, doubts.
 
 Every treatment has a name and a count: nothing is masked, filled or rescaled silently.
-
-What makes the heights of a scan implausible, and where points of it are missing.
+Doubts are what makes the heights of a scan implausible, and where points of it are missing.
 """
 
 from collections.abc import Callable, Sequence

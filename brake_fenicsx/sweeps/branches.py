@@ -14,8 +14,7 @@ import numpy as np
 from brake_fenicsx.arguments import Complex
 from brake_fenicsx.errors import NotConverged
 
-from .matching import Match, conjugate_pair, match
-from .state import State
+from .matching import Match, State, conjugate_pair, match
 
 Solve = Callable[[float], State]
 

@@ -8,13 +8,12 @@ sqrt(d) / 2: lock-in, and the onset of squeal with a threshold too, are simple z
 functions. With damping d has its zero at a complex value of the parameter, next to which the pair
 passes; a mode then begins to squeal where its own damping passes the threshold.
 
-The value of a parameter at which each family of modes begins to squeal, over many samples.
-
-A sample that squeals at the first value has its critical value at or before it, and one that never
-squeals beyond the last: the distribution is known between these, as for times of failure that are
-censored on both sides at common values. Probabilities have Wilson's intervals; the interval of a
-quantile is that of order statistics, which holds for any distribution (H. A. David and H. N.
-Nagaraja, Order Statistics, 2003, section 7.1).
+Over many samples, each family of modes begins to squeal at a critical value. A sample that squeals
+at the first value has its critical value at or before it, and one that never squeals beyond the
+last: the distribution is known between these, as for times of failure that are censored on both
+sides at common values. Probabilities have Wilson's intervals; the interval of a quantile is that of
+order statistics, which holds for any distribution (H. A. David and H. N. Nagaraja, Order
+Statistics, 2003, section 7.1).
 """
 
 from collections.abc import Callable, Sequence
@@ -28,8 +27,7 @@ from brake_fenicsx.arguments import Array, Complex
 from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
 
 from .branches import Branch, Followed, Solve
-from .matching import conjugate_pair, squared_distance
-from .state import State, group_likeness
+from .matching import State, conjugate_pair, group_likeness, squared_distance
 
 MERGING, SPLITTING = "merging", "splitting"
 ONSET, END = "onset of squeal", "end of squeal"

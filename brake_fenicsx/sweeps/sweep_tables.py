@@ -22,8 +22,7 @@ from brake_fenicsx.results.tables import Row, RowTable
 from brake_fenicsx.scene.scalars import si_unit
 
 from .events import FROM_FIRST, MERGING, ONSET, Critical, critical_values
-from .followed import StoredLine
-from .sweep_study import SweepStudy, cut_branches
+from .sweep_study import StoredLine, SweepStudy, cut_branches
 
 # A mode that begins to squeal takes the number of a family that squeals in the samples, unless it
 # is so much likelier another one, as the decaying mode of the same pair.
@@ -173,22 +172,17 @@ class SweepTables:
             for state, branch, s, error, verdict in line.rows():
                 x = float(line.x[state])
                 if x in wanted:
-                    omega = s.imag
-                    yield SweepRow.of(
-                        *first, x, wanted[x], branch, omega / (2 * np.pi), s.real,
-                        -2 * s.real / omega + 0.0, error, verdict,
-                    )  # fmt: skip
+                    numbers = s.imag / (2 * np.pi), s.real, -2 * s.real / s.imag + 0.0
+                    yield SweepRow.of(*first, x, wanted[x], branch, *numbers, error, verdict)
 
     def _event_rows(self) -> Iterator[EventRow]:
         for first, task, kind, line in self._lines():
             for i, e in enumerate(line.events):
                 there = np.isfinite(e.s)
                 pair = [n if n >= 0 else None for n in e.branches]
-                yield EventRow.of(
-                    *first, e.kind, e.x, e.error,
-                    float(e.s.imag / (2 * np.pi)) if there else None,
-                    float(e.s.real) if there else None, *pair, self._family.get((kind, task, i)),
-                )  # fmt: skip
+                s = (float(e.s.imag / (2 * np.pi)), float(e.s.real)) if there else (None, None)
+                family = self._family.get((kind, task, i))
+                yield EventRow.of(*first, e.kind, e.x, e.error, *s, *pair, family)
 
     def _families(
         self, known: Complex | None, squealing: list[int]

@@ -17,9 +17,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from brake_fenicsx.geometry import disc
+from brake_fenicsx.macro.contact_forces import Rotation
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.stability import complex_modes

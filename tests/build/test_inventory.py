@@ -12,13 +12,12 @@ from brake_fenicsx.build.brake import assemble_brake, interfaces_of, parts_of
 from brake_fenicsx.build.brake_doubts import placement_doubts
 from brake_fenicsx.description import describe
 from brake_fenicsx.macro.contact_elements import contact_elements
+from brake_fenicsx.macro.contact_forces import Rotation
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.meshing.brake_mesh import tagged_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
-from brake_fenicsx.meshing.quality import volumes
-from brake_fenicsx.meshing.rawmesh import RawMesh, exterior_facets, joined
+from brake_fenicsx.meshing.rawmesh import RawMesh, exterior_facets, joined, volumes
 from brake_fenicsx.scene import read_scene
 from places import BLOCK
 

@@ -10,7 +10,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.geometry import block, disc, pad
 from brake_fenicsx.meshing.brake_mesh import check_cells, raw_mesh, tagged_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings, gmsh_session
-from brake_fenicsx.meshing.quality import jacobians, quality
+from brake_fenicsx.meshing.rawmesh import jacobians, quality
 from mesh_measures import measures
 
 MODULES = {
@@ -302,7 +302,7 @@ def test_a_bad_mesh_is_refused_with_its_place():
 
 def test_quality_measures():
     """Regular cells have measure 1; angles are the known ones; a flat cell tends to zero."""
-    from brake_fenicsx.meshing.quality import corner_jacobians, dihedral, radius_ratio
+    from brake_fenicsx.meshing.rawmesh import corner_jacobians, dihedral, radius_ratio
 
     regular = np.array([[[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]]])
     assert radius_ratio(regular) == pytest.approx(1.0)

@@ -9,8 +9,13 @@ from brake_fenicsx.geometry import block, disc, pad
 from brake_fenicsx.meshing.brake_mesh import check_cells, raw_mesh
 from brake_fenicsx.meshing.filemesh import completed
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings, gathered, gmsh_session
-from brake_fenicsx.meshing.quality import orientation, quality
-from brake_fenicsx.meshing.rawmesh import exterior_facets, facet_keys, facet_nodes
+from brake_fenicsx.meshing.rawmesh import (
+    exterior_facets,
+    facet_keys,
+    facet_nodes,
+    orientation,
+    quality,
+)
 
 pytestmark = pytest.mark.hard
 

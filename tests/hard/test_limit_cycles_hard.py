@@ -6,8 +6,7 @@ import pytest
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.extras.limit_cycle.growth import follow
 from brake_fenicsx.extras.limit_cycle.harmonic_balance import HarmonicBalance, PeriodForces
-from brake_fenicsx.macro.gap import EnrichedGap
-from brake_fenicsx.macro.sliding_friction import SlidingFriction
+from brake_fenicsx.macro.contact_forces import EnrichedGap, SlidingFriction
 from brake_fenicsx.micro import LawSteps, OneLaw, exponential_law, join_laws, make_library
 from oscillators import first_vibration, no_growth, oscillator, van_der_pol
 

@@ -9,8 +9,7 @@ from scipy.sparse.linalg import spsolve
 from brake_fenicsx.errors import InaccurateResult, NotConverged, Separated
 from brake_fenicsx.macro import EnrichedGap, displacement
 from brake_fenicsx.macro.braking import with_compliance
-from brake_fenicsx.macro.condensation import compliance
-from brake_fenicsx.macro.equilibrium import equilibrium
+from brake_fenicsx.macro.equilibrium import compliance, equilibrium
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
 from brake_fenicsx.pipeline import assemble

@@ -11,7 +11,7 @@ import sliding_layer as layer
 from brake_fenicsx import prepare
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.stability import complex_modes, contact_interface
-from brake_fenicsx.stability.full import dense as small
+from brake_fenicsx.stability.full import general
 from dense_reference import all_damped
 from places import SQUEALING
 
@@ -303,4 +303,4 @@ def test_a_band_that_is_none(band):
     """A reversed, empty or negative band: named error."""
     with pytest.raises(SceneError, match="band"):
         complex_modes(one(3), None, sp.diags([1.0, 2.0, 3.0]).tocsr(), band)
-    assert small.DENSE > 3
+    assert general.DENSE > 3

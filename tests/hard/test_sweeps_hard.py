@@ -6,7 +6,7 @@ import pytest
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.sweeps.branches import CUT, NO_EQUILIBRIUM, follow
 from brake_fenicsx.sweeps.events import JUMP, MERGING, SPLITTING, find_events
-from brake_fenicsx.sweeps.state import State
+from brake_fenicsx.sweeps.matching import State
 from sweep_models import MERGED, along, hoffmann, modes_of, solver
 
 pytestmark = pytest.mark.hard

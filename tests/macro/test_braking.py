@@ -9,7 +9,7 @@ import pytest
 
 from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.macro import equilibrium
-from brake_fenicsx.macro.condensation import compliance
+from brake_fenicsx.macro.equilibrium import compliance
 from brake_fenicsx.micro import exponential_law, linear_law
 from brake_fenicsx.pipeline import assemble
 from places import BLOCK

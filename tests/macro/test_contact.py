@@ -7,9 +7,9 @@ import pytest
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.contact_elements import contact_elements, join
+from brake_fenicsx.macro.contact_forces import Rotation, Translation, slip_frame
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.sliding_friction import Rotation, Translation, slip_frame
 from brake_fenicsx.meshing.brake_mesh import build_mesh
 
 

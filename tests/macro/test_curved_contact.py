@@ -9,9 +9,9 @@ import pytest
 
 import hertz_parts
 from brake_fenicsx.macro.contact_elements import contact_elements
+from brake_fenicsx.macro.contact_forces import Translation
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.sliding_friction import Translation
 from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 

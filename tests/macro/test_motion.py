@@ -17,7 +17,7 @@ from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.build.scene_mesh import scene_mesh
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.contact_elements import pad_forces
-from brake_fenicsx.macro.sliding_friction import Rotation
+from brake_fenicsx.macro.contact_forces import Rotation
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import complex_modes
 from coarse_block import SCENES

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from brake_fenicsx.macro.sliding_friction import SlidingFriction, patch_forces, sliding
+from brake_fenicsx.macro.contact_forces import SlidingFriction, patch_forces, sliding
 
 V = np.array([2.0, 0.5])
 MU, SLOPE = 0.4 + 0.1 * np.exp(-V), -0.1 * np.exp(-V)

@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 
 from brake_fenicsx.macro.contact_elements import Contact, pad_forces
-from brake_fenicsx.macro.sliding_friction import Rotation, Translation, slip_frame
+from brake_fenicsx.macro.contact_forces import Rotation, Translation, slip_frame
 
 INNER, OUTER, HALF = 96e-3, 140e-3, np.pi / 6
 

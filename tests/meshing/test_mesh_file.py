@@ -17,7 +17,7 @@ from brake_fenicsx.meshing.brake_mesh import check_cells, tagged_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.meshing.groups import mesh_of_file
 from brake_fenicsx.meshing.meshfile import read_mesh_file
-from brake_fenicsx.meshing.quality import orientation
+from brake_fenicsx.meshing.rawmesh import orientation
 from brake_fenicsx.scene.parts_section import MeshTable
 
 GROUPS = {
@@ -441,9 +441,9 @@ def test_gap_of_a_split_mesh_opens(tmp_path, meshes):
     from dolfinx import fem
 
     from brake_fenicsx.macro.contact_elements import contact_elements
+    from brake_fenicsx.macro.contact_forces import Translation
     from brake_fenicsx.macro.elasticity import assemble_elastic
     from brake_fenicsx.macro.material import Material, isotropic
-    from brake_fenicsx.macro.sliding_friction import Translation
 
     file = tmp_path / "glued.msh"
     meshes.write_gmsh(meshes.glued(meshes.boxes()), file)

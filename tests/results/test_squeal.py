@@ -7,12 +7,14 @@ import pytest
 from scipy.optimize import brentq
 
 from brake_fenicsx.report.input_figures import correlations, draw_correlations
-from brake_fenicsx.results.accuracy import error_rows, speed_rows, stage_rows
 from brake_fenicsx.results.answer import (
     approach_rows,
+    error_rows,
     family_rows,
     limit_rows,
     open_points,
+    speed_rows,
+    stage_rows,
     summary_table,
     write_tables,
 )

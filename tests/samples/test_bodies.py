@@ -9,11 +9,14 @@ from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.changes import assemble_changes
 from brake_fenicsx.build.material_table import stiffness
 from brake_fenicsx.build.parametric import parametric_brake
-from brake_fenicsx.macro.condensation import compliance
-from brake_fenicsx.macro.equilibrium import BodyOperators, corrected_equilibrium, equilibrium
+from brake_fenicsx.macro.equilibrium import (
+    BodyOperators,
+    compliance,
+    corrected_equilibrium,
+    equilibrium,
+)
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.samples.random_inputs import draw_inputs
-from brake_fenicsx.samples.sampling import Roughness, draw_sample
+from brake_fenicsx.samples.sampling import Roughness, draw_inputs, draw_sample
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.surface import match_moments
 from coarse_block import BLOCK

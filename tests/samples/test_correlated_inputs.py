@@ -11,7 +11,7 @@ from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.results.probabilities import Ensemble, Outcome, find_causes, probability_rows
 from brake_fenicsx.samples.designs import correlated, correlation_root
-from brake_fenicsx.samples.random_inputs import draw_inputs, points_of
+from brake_fenicsx.samples.sampling import draw_inputs, points_of
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.samples_section import Distribution, Samples
 from places import SQUEALING

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.sliding_friction import Rotation
+from brake_fenicsx.macro.contact_forces import Rotation
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.scene import active_terms

@@ -9,8 +9,15 @@ import pytest
 from brake_fenicsx.build.material_table import constants, stiffness, varied_stiffness
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.material import engineering_constants
-from brake_fenicsx.samples.random_inputs import draw_inputs, law_factor, points_of
-from brake_fenicsx.samples.sampling import Roughness, draw_sample, one_law, sample_count
+from brake_fenicsx.samples.sampling import (
+    Roughness,
+    draw_inputs,
+    draw_sample,
+    law_factor,
+    one_law,
+    points_of,
+    sample_count,
+)
 from brake_fenicsx.scene import LawTable, MaterialTable, read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.surface import match_moments

@@ -7,8 +7,13 @@ import pytest
 from scipy import stats
 
 from brake_fenicsx.build.values import quantile
-from brake_fenicsx.samples.random_inputs import points_of
-from brake_fenicsx.samples.sampling import Roughness, draw_sample, sample_count, sample_seed
+from brake_fenicsx.samples.sampling import (
+    Roughness,
+    draw_sample,
+    points_of,
+    sample_count,
+    sample_seed,
+)
 from brake_fenicsx.scene import Distribution, read_scene
 from brake_fenicsx.surface import match_moments
 from coarse_block import BLOCK

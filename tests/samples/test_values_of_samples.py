@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from brake_fenicsx import model
 from brake_fenicsx.build.values import Values
-from brake_fenicsx.samples.random_inputs import law_factor
+from brake_fenicsx.samples.sampling import law_factor
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.samples_section import unit_of
 from coarse_block import BLOCK

@@ -6,7 +6,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.stability import complex_modes, contact_interface
-from brake_fenicsx.stability.full import damped
+from brake_fenicsx.stability.full import general
 
 TWO_PI = 2 * np.pi
 
@@ -92,7 +92,7 @@ def test_large_problems_are_counted(two_blocks, monkeypatch, withheld):
     k = 3e11 * 10 ** rng.uniform(-1, 1, scene.w.size)
     C = (1e-7 * scene.K + 100.0 * scene.M + 20.0 * (scene.R.T @ scene.R)).tocsr()
     friction = contact_interface(scene.N, scene.T, scene.w * k, mu)
-    real = damped.quadratic_modes
+    real = general.quadratic_modes
 
     def lossy(*given):
         s, right, left = real(*given)
@@ -100,7 +100,7 @@ def test_large_problems_are_counted(two_blocks, monkeypatch, withheld):
         keep = np.sort(order[2 * withheld :])
         return s[keep], right[:, keep], left[:, keep]
 
-    monkeypatch.setattr(damped, "quadratic_modes", lossy)
+    monkeypatch.setattr(general, "quadratic_modes", lossy)
     band = (0.0, 90e3)
     if withheld:
         with pytest.raises(InaccurateResult, match="the reduced problem has"):
@@ -119,13 +119,13 @@ def test_a_small_problem_is_counted(monkeypatch):
     m = complex_modes(M, 2.0 * M, K, (0.0, 4e3))
     assert m.count.kind == "proven" and m.count.how.startswith("winding number")
     assert len(m) == 20
-    real = damped.dense_quadratic_modes
+    real = general.dense_quadratic_modes
 
     def lossy(p, omega):
         s, right, left = real(p, omega)
         keep = np.abs(np.abs(s.imag) - np.sort(np.abs(s.imag))[7]) > 1e-6
         return s[keep], right[:, keep], left[:, keep]
 
-    monkeypatch.setattr(damped, "dense_quadratic_modes", lossy)
+    monkeypatch.setattr(general, "dense_quadratic_modes", lossy)
     with pytest.raises(InaccurateResult, match="winding number counts"):
         complex_modes(M, 2.0 * M, K, (0.0, 4e3))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from brake_fenicsx.macro.sliding_friction import SlidingFriction
+from brake_fenicsx.macro.contact_forces import SlidingFriction
 from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.stability.damping_matrices import friction_damping
 

@@ -9,8 +9,7 @@ from brake_fenicsx.results.run import eigenvalue_errors
 from brake_fenicsx.samples.solve import _missed
 from brake_fenicsx.stability.modes import relative_errors
 from brake_fenicsx.stability.substructures.parameters import InterpolatedCoefficients
-from brake_fenicsx.sweeps.matching import equal
-from brake_fenicsx.sweeps.state import State
+from brake_fenicsx.sweeps.matching import State, equal
 from dense_reference import all_damped
 from reduced_samples import BAND, HIGH, Sample, followed, substructures
 from sweep_models import hoffmann, modes_of

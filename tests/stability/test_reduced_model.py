@@ -13,8 +13,8 @@ import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.macro.condensation import compliance
-from brake_fenicsx.macro.sliding_friction import Rotation
+from brake_fenicsx.macro.contact_forces import Rotation
+from brake_fenicsx.macro.equilibrium import compliance
 from brake_fenicsx.stability import (
     ContactLinearisation,
     Reduced,
@@ -26,9 +26,9 @@ from brake_fenicsx.stability import (
 from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.eigensolvers import symmetric
 from brake_fenicsx.stability.substructures import CONSTANT
+from brake_fenicsx.stability.substructures.component import Complement
 from brake_fenicsx.stability.substructures.parameters import InterpolatedCoefficients, Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros
-from brake_fenicsx.stability.substructures.seen_body import Complement
 from brake_fenicsx.stability.substructures.substructure import mirror_image
 from brake_fenicsx.stability.substructures.vectors import SETTLED
 from reduced_samples import (

@@ -5,6 +5,7 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from brake_fenicsx.stability.substructures.component import SeenBody
 from brake_fenicsx.stability.substructures.contact_rows import SIGMA, Rows
 from brake_fenicsx.stability.substructures.polynomials import (
     Polynomial,
@@ -12,7 +13,6 @@ from brake_fenicsx.stability.substructures.polynomials import (
     real_points,
 )
 from brake_fenicsx.stability.substructures.reduction import proportional
-from brake_fenicsx.stability.substructures.seen_body import SeenBody
 
 NODES, ELEMENTS, CUTOFF = 120, 12, 1.8
 UNDAMPED, DAMPED = Rows("N", False), Rows("NT", True)

@@ -8,7 +8,7 @@ from scipy.special import ellipe
 from scipy.stats import norm
 
 from brake_fenicsx.surface import make_topography
-from brake_fenicsx.surface.iso25178 import bearing_curve, core_parameters, iso_parameters
+from brake_fenicsx.surface.hdf import bearing_curve, core_parameters, iso_parameters
 
 SIZE, SHAPE = (2e-3, 1.5e-3), (1000, 600)
 A, WAVES = 5e-6, 8

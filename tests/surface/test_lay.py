@@ -11,10 +11,10 @@ from brake_fenicsx.micro import LawSettings, make_library
 from brake_fenicsx.micro.law_of_surface import law_steps
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.surface import averaged, characterise, make_topography, resampled, synthesise
-from brake_fenicsx.surface.iso25178 import iso_parameters
+from brake_fenicsx.surface.hdf import iso_parameters
 from brake_fenicsx.surface.psd import anisotropy
+from brake_fenicsx.surface.spectrum import Waviness
 from brake_fenicsx.surface.topography import form
-from brake_fenicsx.surface.waviness import Waviness
 
 N, SIDE, S_Q = 128, 1.8e-3, 33e-6
 

@@ -8,8 +8,7 @@ from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.macro import draw_waviness
 from brake_fenicsx.micro import contact_law
 from brake_fenicsx.surface import given_statistics, synthesise
-from brake_fenicsx.surface.spectrum import BiFractal
-from brake_fenicsx.surface.waviness import Waviness
+from brake_fenicsx.surface.spectrum import BiFractal, Waviness
 
 PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
 L = 2.825e-3

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from brake_fenicsx.sweeps.branches import CUT, ENTERED, LEFT, follow
 from brake_fenicsx.sweeps.events import END, MERGING, ONSET, SPLITTING, find_events
-from brake_fenicsx.sweeps.state import State
+from brake_fenicsx.sweeps.matching import State
 from sweep_models import MERGED, along, hoffmann, modes_of, solver
 
 WIDE = (0.0, 1e5)

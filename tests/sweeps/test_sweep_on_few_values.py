@@ -6,7 +6,7 @@ import pytest
 from brake_fenicsx import prepare
 from brake_fenicsx.sweeps.branches import follow
 from brake_fenicsx.sweeps.events import END, ONSET, find_events
-from brake_fenicsx.sweeps.state import Points
+from brake_fenicsx.sweeps.matching import Points
 from coarse_block import BLOCK, SWEPT
 
 KEY, LAST = "contact.block_plate.friction", 0.8

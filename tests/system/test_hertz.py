@@ -12,14 +12,12 @@ import numpy as np
 import pytest
 
 import hertz_parts
-from brake_fenicsx.macro.condensation import compliance
 from brake_fenicsx.macro.contact_elements import contact_elements
+from brake_fenicsx.macro.contact_forces import EnrichedGap, Translation
 from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
-from brake_fenicsx.macro.equilibrium import equilibrium
+from brake_fenicsx.macro.equilibrium import compliance, equilibrium
 from brake_fenicsx.macro.faces import gather_face
-from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.sliding_friction import Translation
 from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 from brake_fenicsx.micro import OneLaw, linear_law

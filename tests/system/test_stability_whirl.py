@@ -7,9 +7,9 @@ import pytest
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.geometry import disc
+from brake_fenicsx.macro.contact_forces import Rotation
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.sliding_friction import Rotation
 from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.stability.damping_matrices import gyroscopic

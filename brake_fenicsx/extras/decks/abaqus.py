@@ -1,7 +1,5 @@
 """Meshes of Abaqus and CalculiX: nodes, solid elements, sets and surfaces of an .inp file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
@@ -14,19 +12,10 @@ import numpy as np
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
-from brake_fenicsx.meshing.filemesh import (
-    DeckKeyword,
-    FileMesh,
-    corners_of,
-    held_nodes,
-    numbered,
-    same_length,
-)
+from brake_fenicsx.meshing import filemesh
 
+from . import abaqus_steps, keywords, node_axes
 from .abaqus_scope import KINDS, Rows, Scope, find, placement
-from .abaqus_steps import in_force
-from .keywords import TABLES, keyword_of
-from .node_axes import along_global
 
 # Types of solid elements, which end with their number of nodes and letters of the integration.
 _SOLID = re.compile(r"(?:C3D|SC)(\d+)[HIMRTSEF]*")
@@ -63,8 +52,8 @@ class _AbaqusDeck:
     open: Scope | None = None
     place: Rows = field(default_factory=list)
     surfaces: dict[str, Rows] = field(default_factory=dict)
-    blocks: list[DeckKeyword] = field(default_factory=list)
-    lost: list[tuple[DeckKeyword, str]] = field(default_factory=list)
+    blocks: list[filemesh.DeckKeyword] = field(default_factory=list)
+    lost: list[tuple[filemesh.DeckKeyword, str]] = field(default_factory=list)
     instances: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -79,7 +68,7 @@ class _AbaqusDeck:
         self.surfaces = {}
 
 
-def read_abaqus(path: Path) -> FileMesh:
+def read_abaqus(path: Path) -> filemesh.FileMesh:
     """Read an .inp file: parts, instances, nodes, elements, sets, surfaces and included files.
 
     Args:
@@ -112,8 +101,8 @@ def read_abaqus(path: Path) -> FileMesh:
             deck.whole.take(part, np.eye(3), np.zeros(3))
             deck.instances[part.name] = part.name
     deck.whole.share()
-    found = in_force(deck.blocks)
-    blocks, turned = along_global(deck.whole, found.blocks)
+    found = abaqus_steps.in_force(deck.blocks)
+    blocks, turned = node_axes.along_global(deck.whole, found.blocks)
     lost = [*deck.lost, *found.lost, *turned, *_unnamed(deck.whole, blocks)]
     return replace(
         _mesh(deck.whole), blocks=blocks, instances=deck.instances, lost=lost, step=found.step,
@@ -165,17 +154,17 @@ def _whole_keywords(text: str) -> list[tuple[int, str]]:
     return lines
 
 
-def _block(line: str, at: str) -> DeckKeyword:
+def _block(line: str, at: str) -> filemesh.DeckKeyword:
     """A keyword and its options."""
     first, *words = line[1:].rstrip(" ,").split(",")
     pairs = (word.partition("=") for word in words)
     options = {"".join(n.split()).upper(): value.strip().strip('"') for n, _, value in pairs}
-    return DeckKeyword(keyword_of(first), options, [], line.strip(), at)
+    return filemesh.DeckKeyword(keywords.keyword_of(first), options, [], line.strip(), at)
 
 
-def _blocks(path: Path) -> Iterator[DeckKeyword]:
+def _blocks(path: Path) -> Iterator[filemesh.DeckKeyword]:
     """Every keyword with its data lines."""
-    block: DeckKeyword | None = None
+    block: filemesh.DeckKeyword | None = None
     for at, line in _lines(path):
         if line[:1] == "*":
             if block:
@@ -184,24 +173,22 @@ def _blocks(path: Path) -> Iterator[DeckKeyword]:
         elif line and block:
             block.rows.append([word.strip() for word in line.strip().rstrip(",").split(",")])
         elif block and block.keyword in _DATA:
-            raise SceneError(
-                f"the file ends within {block.said}, amid a line; is it whole? If so, end its last"
-                " line"
-            )
+            raise SceneError(f"""the file ends within {block.said}, amid a line; is it whole? If so,
+                end its last line""")
     if block:
         yield block
 
 
-def _take(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _take(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     """Add one block to the deck."""
-    if block.keyword in TABLES["makers"]:
+    if block.keyword in keywords.TABLES["makers"]:
         raise SceneError("nodes and elements must be written one by one in Cartesian axes")
     take = _TAKEN.get(block.keyword)
     if take is None:
         if not block.keyword.startswith("END "):
             deck.blocks.append(replace(block, scope=deck.scope.name))
         return
-    if unknown := sorted(block.options.keys() - {*TABLES["mesh"].get(block.keyword, ())}):
+    if unknown := sorted(block.options.keys() - {*keywords.TABLES["mesh"].get(block.keyword, ())}):
         said = f"its option {unknown[0]} is not understood"
         if block.keyword not in ("NODE", "NSET", "ELSET") or "INPUT" in unknown:
             raise SceneError(f"{said}; write it without")
@@ -209,13 +196,13 @@ def _take(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     take(deck, block)
 
 
-def _part(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _part(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     deck.close()
     if block.keyword == "PART":
         deck.open = deck.parts[block.options["NAME"]] = Scope(block.options["NAME"])
 
 
-def _instance(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _instance(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     """A copy of the part of an instance, or nothing yet where the instance has its own mesh."""
     deck.close()
     name, wanted = block.options["NAME"], block.options.get("PART", "")
@@ -232,14 +219,14 @@ def _instance(deck: _AbaqusDeck, block: DeckKeyword) -> None:
         raise SceneError(f"part {wanted!r} is not defined before; there are: {known}")
 
 
-def _end(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _end(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     deck.close()
     if block.keyword == "END INSTANCE" and deck.open is not None:
         deck.whole.take(deck.open, *placement(deck.place))
     deck.open = None
 
 
-def _nodes(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _nodes(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     scope, options = deck.scope, block.options
     if options.get("SYSTEM", "R").upper() != "R":
         raise SceneError("nodes and elements must be written one by one in Cartesian axes")
@@ -251,7 +238,7 @@ def _nodes(deck: _AbaqusDeck, block: DeckKeyword) -> None:
         scope.add(scope.nsets, options["NSET"], [int(row[0]) for row in block.rows])
 
 
-def _surface(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _surface(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     scope, options = deck.scope, block.options
     name, kind = options.get("NAME"), options.get("TYPE", "ELEMENT").upper()
     if name is None:
@@ -267,13 +254,15 @@ def _surface(deck: _AbaqusDeck, block: DeckKeyword) -> None:
         deck.surfaces[name] = block.rows
 
 
-def _unnamed(whole: Scope, blocks: Sequence[DeckKeyword]) -> list[tuple[DeckKeyword, str]]:
+def _unnamed(
+    whole: Scope, blocks: Sequence[filemesh.DeckKeyword]
+) -> list[tuple[filemesh.DeckKeyword, str]]:
     """Sets of nodes and faces that supports and pressures name by their numbers alone.
 
     Returns:
         Rows that name nothing, and why.
     """
-    held, lost = list[tuple[int, str]](), list[tuple[DeckKeyword, str]]()
+    held, lost = list[tuple[int, str]](), list[tuple[filemesh.DeckKeyword, str]]()
     # Reference nodes are on no face of their own.
     references = {block.options.get("REFNODE") for block in blocks}
     for block in (b for b in blocks if not b.scope and b.keyword in ("BOUNDARY", "DLOAD")):
@@ -288,7 +277,7 @@ def _unnamed(whole: Scope, blocks: Sequence[DeckKeyword]) -> list[tuple[DeckKeyw
                     held += [(n, along) for n in whole.members(whole.nsets, [word], "")]
             except SceneError as error:
                 lost.append((block, f"{', '.join((word, *row))}: {error}"))
-    whole.nsets |= held_nodes("*BOUNDARY", held)
+    whole.nsets |= filemesh.held_nodes("*BOUNDARY", held)
     return lost
 
 
@@ -301,7 +290,7 @@ def held_along(row: Sequence[str]) -> str:
     return "xyzrrr"[int(row[0]) - 1]
 
 
-def _elements(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _elements(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     """Solids, and shells that may mark faces; others are counted and are no part of the mesh."""
     scope, options = deck.scope, block.options
     name = options.get("TYPE", "").upper()
@@ -332,7 +321,7 @@ def _elements(deck: _AbaqusDeck, block: DeckKeyword) -> None:
         scope.add(scope.elsets, options["ELSET"], [*map(int, table[:, 0])])
 
 
-def _set(deck: _AbaqusDeck, block: DeckKeyword) -> None:
+def _set(deck: _AbaqusDeck, block: filemesh.DeckKeyword) -> None:
     """A set of nodes or elements: listed, generated, or made of other sets."""
     scope, keyword, options = deck.scope, block.keyword, block.options
     sets = scope.nsets if keyword == "NSET" else scope.elsets
@@ -357,22 +346,22 @@ def _set(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     scope.add(sets, options[keyword], found)
 
 
-_TAKEN: dict[str, Callable[[_AbaqusDeck, DeckKeyword], None]] = {
+_TAKEN: dict[str, Callable[[_AbaqusDeck, filemesh.DeckKeyword], None]] = {
     "PART": _part, "ASSEMBLY": _part, "INSTANCE": _instance, "END PART": _end, "END INSTANCE": _end,
     "END ASSEMBLY": _end, "NODE": _nodes, "ELEMENT": _elements, "NSET": _set, "ELSET": _set,
     "SURFACE": _surface,
 }  # fmt: skip
 
 
-def _mesh(scope: Scope) -> FileMesh:
+def _mesh(scope: Scope) -> filemesh.FileMesh:
     """The assembly with nodes and cells numbered from 0."""
-    mesh = numbered(scope.nodes, scope.solids, scope.skins, scope.elsets, scope.nsets)
-    shells = {frozenset(corners_of(own)) for _, own in scope.skins.values()}
+    mesh = filemesh.numbered(scope.nodes, scope.solids, scope.skins, scope.elsets, scope.nsets)
+    shells = {frozenset(filemesh.corners_of(own)) for _, own in scope.skins.values()}
     for name, facets in scope.surfaces.items():
         if facets:
             if shells >= {*map(frozenset, facets)}:
                 mesh.shell_sets[name] = False
-            mesh.facet_groups[name] = same_length(mesh.placed(facets))
+            mesh.facet_groups[name] = filemesh.same_length(mesh.placed(facets))
     mesh.elements = scope.others
     mesh.shells = {k: own for k, own in mesh.shells.items() if not k.startswith(_MARKS)}
     return mesh

@@ -12,13 +12,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.filemesh import FAR, SOLIDS, corners_of, listed
-
-Array = NDArray[np.float64]
 
 # Corners of faces S1, S2, ...
 FACES = {

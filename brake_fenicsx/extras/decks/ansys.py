@@ -5,8 +5,6 @@ Mapdl-archive 0.4.2 agrees in nodes, elements and components, in a 25th of the s
 200,000 nodes), and takes a file that is cut off, or a number with a letter in it, without an error.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterator
@@ -14,24 +12,18 @@ from dataclasses import dataclass, field
 from operator import length_hint
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh, held_nodes, numbered
 
-from .abaqus_scope import KINDS
-from .keywords import TABLES
-from .node_axes import TURNED, component_along
+from . import abaqus_scope, keywords, node_axes
 
-Array = NDArray[np.float64]
-
-_SOLIDS = {*TABLES["elements"]["solids"]}
-_NAMES = {int(re.sub(r"\D", "", name)): name for name in TABLES["elements"]["others"]}
+_SOLIDS = {*keywords.TABLES["elements"]["solids"]}
+_NAMES = {int(re.sub(r"\D", "", name)): name for name in keywords.TABLES["elements"]["others"]}
 # Meshing facets, which only gmsh's and Ansys' own meshers use.
 _FACETS = 200
-_SILENT, _IDLE = ({*TABLES[kind]["ansys"]} for kind in ("silent", "idle"))
+_SILENT, _IDLE = ({*keywords.TABLES[kind]["ansys"]} for kind in ("silent", "idle"))
 # A command, as opposed to rows of numbers within a block.
 _COMMAND = re.compile(r"[/*~]?[A-Z][A-Z0-9_]*$")
 # Places of a tetrahedron's nodes in a brick that is degenerate, corners and middles.
@@ -186,7 +178,7 @@ def _solid(number: int, nodes: list[int]) -> tuple[str, list[int]]:
         raise SceneError(f"element {number} lacks middle nodes; write all of them, or none")
     if len(nodes) in (4, 10):
         return ("tetra" if len(nodes) == 4 else "tetra10"), nodes
-    kind = KINDS.get(len(set(nodes[:8])), "cells of few corners")
+    kind = abaqus_scope.KINDS.get(len(set(nodes[:8])), "cells of few corners")
     if kind == "tetra":
         second = len(nodes) == 20
         places = _TETRA_IN_BRICK if second else _TETRA_IN_BRICK[:4]
@@ -239,8 +231,8 @@ def _held(deck: _AnsysDeck, words: list[str]) -> list[tuple[int, str]]:
     if len(along) == 1 and int(node) in deck.angles:
         # Turned about z, then about the new x, then about the new y.
         turn = Rotation.from_euler("ZXY", deck.angles[int(node)], degrees=True)
-        found = component_along(turn.as_matrix().T, "XYZ".index(along))
+        found = node_axes.component_along(turn.as_matrix().T, "XYZ".index(along))
         if found is None:
-            raise SceneError(TURNED)
+            raise SceneError(node_axes.TURNED)
         along = "XYZ"[found[0]]
     return [(int(node), c.lower()) for c in along]

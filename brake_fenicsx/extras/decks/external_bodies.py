@@ -4,16 +4,14 @@ Nodes of a set that is tied to a face of the mesh follow the displacement of tha
 places, exactly: they are eliminated, u_body = T u, and the body adds T' K T, T' M T and T' C T.
 """
 
-from __future__ import annotations
-
 import logging
 from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from brake_fenicsx.arguments import Array, Ints
 from brake_fenicsx.build.bodies import added_to_face
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import COMPONENTS, Elastic, FreeDofs
@@ -25,8 +23,6 @@ from .superelement import Superelement, doubts, read_superelement, rigid_motions
 
 logger = logging.getLogger(__name__)
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 # Largest distance between a node and the face it is tied to, where a scene names none, over the
 # side of a facet; and how far outside a facet its foot may lie, in reference coordinates.
@@ -48,7 +44,7 @@ def with_superelements(scene: Scene, mesh: Mesh, elastic: Elastic) -> Elastic:
     Raises:
         SceneError: the file, key, value and remedy.
     """
-    bodies: dict[str, tuple[Superelement, sp.csr_matrix, Index]] = {}
+    bodies: dict[str, tuple[Superelement, sp.csr_matrix, Ints]] = {}
     weighed: dict[str, tuple[float, tuple[float, ...]]] = {}
     size, found = elastic.free.size, list(elastic.doubts)
     for name, part in scene.parts.items():
@@ -101,23 +97,19 @@ def _added(
             continue
         added = added_to_face(scene, face)
         if added.bedding.any() or (face in scene.masses and scene.masses[face].inertia):
-            raise SceneError(
-                f"{scene.file}: {face!r} is a set of nodes and has no area: leave out"
-                " stiffness_per_area and inertia"
-            )
+            raise SceneError(f"""{scene.file}: {face!r} is a set of nodes and has no area: leave out
+                stiffness_per_area and inertia""")
         each = sp.identity(nodes.size, format="csr") / nodes.size
         stiffness = stiffness + J.T @ sp.kron(each, added.stiffness) @ J
         mass = mass + added.mass * (J.T @ sp.kron(each, np.eye(3)) @ J)
         damping.append(J.T @ sp.kron(each, added.damping) @ J if added.damping.any() else None)
     C = sum(term for term in damping if term is not None)
-    return replace(
-        elastic, K=stiffness.tocsr(), M=mass.tocsr(), C=C.tocsr() if sp.issparse(C) else None,
-        sets=sets, masses={**elastic.masses, name: M},
-    )  # fmt: skip
+    masses, C = {**elastic.masses, name: M}, C.tocsr() if sp.issparse(C) else None
+    return replace(elastic, K=stiffness.tocsr(), M=mass.tocsr(), C=C, sets=sets, masses=masses)
 
 
 def _lacking(
-    body: Superelement, nodes: Index, components: tuple[int, ...] | list[int] = (0, 1, 2)
+    body: Superelement, nodes: Ints, components: tuple[int, ...] | list[int] = (0, 1, 2)
 ) -> str:
     """What is said of a set with nodes that the matrices have no displacement of."""
     lost = nodes[np.any(body.rows[nodes][:, components] < 0, axis=1)]
@@ -143,7 +135,7 @@ def _padded(elastic: Elastic, total: int) -> Elastic:
 
 def _eliminated(
     scene: Scene, name: str, body: Superelement, mesh: Mesh, free: FreeDofs
-) -> tuple[sp.csr_matrix, Index]:
+) -> tuple[sp.csr_matrix, Ints]:
     """What ties and supports make of the coordinates of a body.
 
     Returns:
@@ -153,7 +145,7 @@ def _eliminated(
     taken: dict[int, str] = {}
     tied = sp.csr_matrix((body.K.shape[0], free.size))
 
-    def take(nodes: Index, components: list[int], where: str) -> None:
+    def take(nodes: Ints, components: list[int], where: str) -> None:
         rows = body.rows[nodes][:, components].reshape(-1)
         if np.any(rows < 0):
             raise SceneError(f"{where}: {_lacking(body, nodes, components)}")
@@ -173,10 +165,8 @@ def _eliminated(
         where = f"ties.{key}"
         (other,) = [face for face in tie.faces if face not in ends] or [""]
         if other not in mesh.faces:
-            raise SceneError(
-                f"{where}.faces = {list(tie.faces)!r}: a set of nodes is tied to a face of the"
-                " mesh; join two bodies given by matrices by springs"
-            )
+            raise SceneError(f"""{where}.faces = {list(tie.faces)!r}: a set of nodes is tied to a
+                face of the mesh; join two bodies given by matrices by springs""")
         if tie.stiffness is not None:
             raise SceneError(f"{where}.stiffness: nodes are tied exactly; leave it out")
         nodes = body.sets[ends[0].partition(".")[2]]
@@ -188,11 +178,9 @@ def _eliminated(
         if distance.max() > reach:
             i = int(distance.argmax())
             x, y, z = 1e3 * body.points[nodes[i]]
-            raise SceneError(
-                f"{where}: node at ({x:.3g}, {y:.3g}, {z:.3g}) mm of {ends[0]!r} lies"
-                f" {1e3 * distance[i]:.3g} mm from {other!r}, {1e3 * reach:.3g} mm are allowed;"
-                f' correct the units or the place, or write search = "{1.1e3 * distance[i]:.3g} mm"'
-            )
+            raise SceneError(f"""{where}: node at ({x:.3g}, {y:.3g}, {z:.3g}) mm of {ends[0]!r} lies
+                {1e3 * distance[i]:.3g} mm from {other!r}, {1e3 * reach:.3g} mm are allowed; correct
+                the units or the place, or write search = "{1.1e3 * distance[i]:.3g} mm" """)
         rows = np.broadcast_to(body.rows[nodes][:, None], columns.shape)
         share = np.broadcast_to(weights[..., None], columns.shape)
         there = columns >= 0
@@ -200,7 +188,7 @@ def _eliminated(
     return tied, np.setdiff1d(np.arange(body.K.shape[0]), np.array([*taken], dtype=int))
 
 
-def _feet(face: Face, x: Array) -> tuple[Index, Array, Array]:
+def _feet(face: Face, x: Array) -> tuple[Ints, Array, Array]:
     """Where points lie on a face: dofs and shape functions there, and distances [m]."""
     tree = cKDTree(face.centre)
     count = min(12, len(face.centre))
@@ -215,7 +203,7 @@ def _feet(face: Face, x: Array) -> tuple[Index, Array, Array]:
     return face.columns[facet], shape, distance
 
 
-def _places(body: Superelement, kept: Index, number: int) -> Array:
+def _places(body: Superelement, kept: Ints, number: int) -> Array:
     """Place [m], direction (3: none) and number of the body of each coordinate, shape (kept, 5)."""
     out = np.empty((body.K.shape[0], 5))
     out[:] = [*body.points.mean(axis=0), 3, number]

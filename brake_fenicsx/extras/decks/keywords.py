@@ -3,8 +3,6 @@
 What is not in this table is named with its line and left out; nothing is read by half.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Mapping

@@ -5,8 +5,6 @@ FORMAT=COORDINATE, CalculiX SOLVER=MATRIXSTORAGE) or of five (node, component, n
 entry: Abaqus FORMAT=MATRIX INPUT and LABELS); Nastran DMIG, by pyNastran; SciPy's npz.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray, Array, Ints
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import read_npz, reading
 
 # Node and component (1, 2, 3: displacements, 4, 5, 6: rotations) of each row, shape (rows, 2).
-Labels = NDArray[np.int64]
+Labels = Ints
 
 # Entries below this share of the largest one tell no triangle from another.
 ROUND_OFF = 1e-6
@@ -72,10 +70,8 @@ def read_matrix(path: Path) -> LabelledMatrix:
         raise SceneError("an entry is complex or not finite; real matrices are needed")
     skew = abs(A - A.T).max() / abs(A).max() if A.nnz else 0.0
     if skew > ROUND_OFF:
-        raise SceneError(
-            f"not symmetric: entries differ by {skew:.1e} of the largest; write the matrices of the"
-            " body alone, without friction and gyroscopic terms"
-        )
+        raise SceneError(f"""not symmetric: entries differ by {skew:.1e} of the largest; write the
+            matrices of the body alone, without friction and gyroscopic terms""")
     return LabelledMatrix((0.5 * (A + A.T)).tocsr(), matrix.rows)
 
 
@@ -147,14 +143,13 @@ def _columns(path: Path) -> LabelledMatrix:
             except ValueError:
                 rows.append([])
             if len(rows[-1]) not in (3, 5) or len(rows[-1]) != len(rows[0]):
-                raise SceneError(
-                    f"line {number}: {line.strip()[:60]!r}; text of three columns (row, column,"
-                    " entry) or five (node, component, node, component, entry) is read, and Matrix"
-                    " Market, Nastran DMIG and npz: convert others, to Matrix Market for example"
-                )
+                raise SceneError(f"""line {number}: {line.strip()[:60]!r}; text of three columns
+                    (row, column, entry) or five (node, component, node, component, entry) is read,
+                    and Matrix Market, Nastran DMIG and npz: convert others, to Matrix Market for
+                    example""")
     if not rows:
         raise SceneError("no entries")
-    table: NDArray[np.float64] = np.array(rows)
+    table: Array = np.array(rows)
     if table.shape[1] == 3:
         i, j = table[:, :2].astype(int).T - 1
         size = int(max(i.max(), j.max())) + 1
@@ -163,14 +158,14 @@ def _columns(path: Path) -> LabelledMatrix:
     return _labelled(table[:, :4].astype(int), table[:, 4])
 
 
-def _labelled(pairs: NDArray[np.int_], values: NDArray[np.float64]) -> LabelledMatrix:
+def _labelled(pairs: Ints, values: Array) -> LabelledMatrix:
     """A matrix from node, component, node and component of each entry."""
     labels, place = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
     i, j = place.reshape(-1, 2).T
     return LabelledMatrix(_filled(i, j, values, len(labels)), labels)
 
 
-def _filled(i: NDArray, j: NDArray, values: NDArray, size: int) -> sp.csr_matrix:
+def _filled(i: AnyArray, j: AnyArray, values: AnyArray, size: int) -> sp.csr_matrix:
     """A matrix from its entries; where each pair of rows is given once, it stands for both."""
     if i.min() < 0 or j.min() < 0:
         raise SceneError("a row or column below 1")
@@ -197,9 +192,8 @@ def _dmig(path: Path) -> LabelledMatrix:
             raise SceneError("INCLUDE: write the DMIG entries into the file itself")
         deck.read_bdf(str(path), validate=False, xref=False, punch=True)
     if len(deck.dmig) != 1:
-        raise SceneError(
-            f"DMIG matrices {', '.join(deck.dmig) or 'none'}; write one matrix to each file"
-        )
+        raise SceneError(f"""DMIG matrices {", ".join(deck.dmig) or "none"}; write one matrix to
+            each file""")
     # Its entries, not its get_matrix, which in some releases fails with NumPy 2.
     A = next(iter(deck.dmig.values()))
     if A.is_complex:

@@ -5,8 +5,6 @@ It gives a point without a coordinate system the basic one although a GRDSET nam
 (1.4.1); here the blank field decides.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import redirect_stderr, redirect_stdout
@@ -17,14 +15,13 @@ from typing import Any
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh, numbered
 
-from .abaqus_scope import KINDS
-from .keywords import TABLES
+from . import abaqus_scope, keywords
 
 # Shells may mark faces, or become solids.
 SHELL_NODES = {"CTRIA3": 3, "CTRIAR": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUADR": 4, "CQUAD8": 8}
 _SOLIDS = {"CTETRA": (4, 10), "CHEXA": (8, 20), "CPENTA": (6, 15), "CPYRAM": (5, 13)}
 _POINTS = ("GRID", "GRDSET", "CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S")
-_PARAMETERS = ("WTMASS", *TABLES["idle"]["nastran"])
+_PARAMETERS = ("WTMASS", *keywords.TABLES["idle"]["nastran"])
 
 
 def read_nastran(path: Path) -> FileMesh:
@@ -42,9 +39,8 @@ def read_nastran(path: Path) -> FileMesh:
     try:
         import pyNastran.bdf.bdf  # noqa: F401
     except ImportError:
-        raise SceneError(
-            f"{path.suffix} needs pyNastran: pip install pyNastran, or convert the mesh to .msh"
-        ) from None
+        raise SceneError(f"""{path.suffix} needs pyNastran: pip install pyNastran, or convert the
+            mesh to .msh""") from None
     with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # what is wrong is raised too
         model, blocks, first = _model(path)
     solids, skins = dict[int, tuple[str, list[int]]](), dict[int, tuple[str, list[int]]]()
@@ -54,11 +50,10 @@ def read_nastran(path: Path) -> FileMesh:
         if SHELL_NODES.get(own.type) == len(nodes):
             skins[number] = own.type, nodes
         elif len(nodes) in _SOLIDS.get(own.type, ()):
-            solids[number] = KINDS[len(nodes)], nodes
+            solids[number] = abaqus_scope.KINDS[len(nodes)], nodes
         else:
-            raise SceneError(
-                f"{own.type} {number} has {len(nodes)} nodes; write all middle nodes, or none"
-            )
+            raise SceneError(f"""{own.type} {number} has {len(nodes)} nodes; write all middle nodes,
+                or none""")
         groups[str(own.pid)].append(number)
     points = {n: own.get_position().tolist() for n, own in model.nodes.items()}
     mesh = numbered(points, solids, skins, groups, {})

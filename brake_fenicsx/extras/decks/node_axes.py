@@ -3,21 +3,17 @@
 The axes of *TRANSFORM of Abaqus and CalculiX, and of nodes of Ansys that are turned by angles.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.meshing.filemesh import DeckKeyword
 
-from .abaqus_scope import Scope
-from .keywords import doubts
+from . import abaqus_scope, keywords
 
-Array = NDArray[np.float64]
 Frame = tuple[tuple[float, ...], ...]
 # An axis is x, y or z within this cosine.
 _ALONG = 1.0 - 1e-9
@@ -37,7 +33,7 @@ def component_along(axes: Array, component: int) -> tuple[int, float] | None:
 
 
 def along_global(
-    whole: Scope, blocks: Sequence[DeckKeyword]
+    whole: abaqus_scope.Scope, blocks: Sequence[DeckKeyword]
 ) -> tuple[list[DeckKeyword], list[tuple[DeckKeyword, str]]]:
     """Rows of *BOUNDARY and *CLOAD with global components.
 
@@ -52,7 +48,7 @@ def along_global(
     for block in (b for b in blocks if b.keyword == "TRANSFORM"):
         try:
             nodes = whole.members(whole.nsets, [block.options["NSET"]], "")
-            if why := doubts(block)[0]:
+            if why := keywords.doubts(block)[0]:
                 lost.append((block, why))
             plain = not (block.scope or why) and block.options.get("TYPE", "R").upper() == "R"
             frame_of |= dict.fromkeys(nodes, _frame(block.rows[0]) if plain else ())
@@ -68,7 +64,7 @@ def along_global(
 
 
 def _global_rows(
-    whole: Scope, frame_of: Mapping[int, Frame], block: DeckKeyword,
+    whole: abaqus_scope.Scope, frame_of: Mapping[int, Frame], block: DeckKeyword,
     lost: list[tuple[DeckKeyword, str]],
 ) -> Iterator[list[str]]:  # fmt: skip
     """Rows of a block with their global components; those that have none are lost."""
@@ -87,7 +83,7 @@ def _global_rows(
             lost.append((block, f"{name}, {component}: {TURNED}"))
 
 
-def _frame_of(whole: Scope, frame_of: Mapping[int, Frame], name: str) -> Frame | None:
+def _frame_of(whole: abaqus_scope.Scope, frame_of: Mapping[int, Frame], name: str) -> Frame | None:
     """Axes of all nodes of a set, () where they differ or are not understood, None without any."""
     try:
         used = {frame_of.get(n) for n in whole.members(whole.nsets, [name], "")}

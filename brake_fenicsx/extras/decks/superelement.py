@@ -5,8 +5,6 @@ coordinates of a Craig-Bampton reduction). Nodes belong to named sets, which sup
 masses and ties name as they name faces.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,19 +14,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Ints
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.macro.solver import Factor
-from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.parts_section import Matrices
-from brake_fenicsx.scene.units import factor_to_si
+from brake_fenicsx.scene import Scene, parts_section, units
 
 from .matrix_files import Labels, read_matrix, read_row_labels
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 # A stiffness with eigenvalues further below zero than those of 100 Hz is not that of a body; what
 # round-off of a text file makes of the rigid motions lies above.
 BELOW = (2 * np.pi * 100.0) ** 2
@@ -62,8 +56,8 @@ class Superelement:
     M: sp.csr_matrix
     C: sp.csr_matrix | None
     points: Array
-    rows: Index
-    sets: dict[str, Index]
+    rows: Ints
+    sets: dict[str, Ints]
     unknown: int = 0
 
 
@@ -86,7 +80,7 @@ def set_names(scene: Scene) -> list[str]:
     return names
 
 
-def read_superelement(folder: Path, given: Matrices) -> Superelement:
+def read_superelement(folder: Path, given: parts_section.Matrices) -> Superelement:
     """Read and check the matrices of a body.
 
     Args:
@@ -134,15 +128,13 @@ def read_superelement(folder: Path, given: Matrices) -> Superelement:
     return body
 
 
-def _units(given: Matrices) -> list[float]:
+def _units(given: parts_section.Matrices) -> list[float]:
     """Units of length [m], mass [kg] and time [s]."""
     if len(given.units) != 3:
-        raise SceneError(
-            f"units = {list(given.units)!r}: write those of length, mass and time in which all"
-            ' files are consistent, ["mm", "t", "s"] for N, mm and tonnes'
-        )
+        raise SceneError(f"""units = {list(given.units)!r}: write those of length, mass and time in
+            which all files are consistent, ["mm", "t", "s"] for N, mm and tonnes""")
     pairs = zip(given.units, ("m", "kg", "s"), strict=True)
-    return [factor_to_si(unit, wanted, f"units: {unit!r}") for unit, wanted in pairs]
+    return [units.factor_to_si(unit, wanted, f"units: {unit!r}") for unit, wanted in pairs]
 
 
 def _as_rows(A: sp.csr_matrix, labels: Labels, wanted: Labels, source: str) -> sp.csr_matrix:
@@ -154,16 +146,14 @@ def _as_rows(A: sp.csr_matrix, labels: Labels, wanted: Labels, source: str) -> s
     return sp.csr_matrix((A.data, (rows[A.row], rows[A.col])), shape=2 * (len(wanted),))
 
 
-def _rows(labels: Index, first: Labels | None, size: int, modal: int) -> Index:
+def _rows(labels: Ints, first: Labels | None, size: int, modal: int) -> Ints:
     """Row of each node's displacement in x, y, z, shape (nodes, 3)."""
     if first is None:
         if size != 3 * labels.size + modal:
-            raise SceneError(
-                f"stiffness: {size} rows, but {labels.size} nodes in the table have"
-                f" {3 * labels.size} displacements, x, y, z each, and modal = {modal}; correct the"
-                " table, write the number of modal coordinates, the last rows, or name the rows by"
-                " dofs"
-            )
+            raise SceneError(f"""stiffness: {size} rows, but {labels.size} nodes in the table have
+                {3 * labels.size} displacements, x, y, z each, and modal = {modal}; correct the
+                table, write the number of modal coordinates, the last rows, or name the rows by
+                dofs""")
         return np.arange(3 * labels.size).reshape(-1, 3)
     wanted = pd.MultiIndex.from_product([labels, (1, 2, 3)])
     rows = pd.MultiIndex.from_arrays(first.T).get_indexer(wanted)
@@ -172,7 +162,7 @@ def _rows(labels: Index, first: Labels | None, size: int, modal: int) -> Index:
     return np.asarray(rows).reshape(-1, 3)
 
 
-def _nodes(path: Path) -> tuple[Index, Array, dict[str, Index]]:
+def _nodes(path: Path) -> tuple[Ints, Array, dict[str, Ints]]:
     """Numbers, places and sets of a table of nodes: node, x, y, z and the names of its sets."""
     with reading(path, "as text", at=""):
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -189,9 +179,8 @@ def _nodes(path: Path) -> tuple[Index, Array, dict[str, Index]]:
                 continue
             where = []
         if len(where) != 3 or not np.isfinite(where).all():
-            raise SceneError(
-                f"line {number}: {','.join(cells)!r}; write node, x, y, z and the sets it is in"
-            )
+            raise SceneError(f"""line {number}: {",".join(cells)!r}; write node, x, y, z and the
+                sets it is in""")
         for name in " ".join(cells[4:]).split():
             sets.setdefault(name, []).append(len(numbers))
         numbers.append(node)
@@ -201,14 +190,12 @@ def _nodes(path: Path) -> tuple[Index, Array, dict[str, Index]]:
     return np.array(numbers), np.array(places), {n: np.array(v) for n, v in sets.items()}
 
 
-def _check_definite(body: Superelement, given: Matrices) -> None:
+def _check_definite(body: Superelement, given: parts_section.Matrices) -> None:
     """Refuse a mass or a stiffness with eigenvalues below zero, and coordinates without mass."""
     empty = np.flatnonzero(body.M.diagonal() <= 0.0)
     if empty.size:
-        raise SceneError(
-            f"mass = {given.mass!r}: {empty.size} coordinates have no mass, row {empty[0] + 1} the"
-            " first; condense them in the other code"
-        )
+        raise SceneError(f"""mass = {given.mass!r}: {empty.size} coordinates have no mass, row
+            {empty[0] + 1} the first; condense them in the other code""")
     # Four points a cell leave a mass of quadratic tetrahedra singular: that is no mistake.
     mass = (body.M + ROUND_OFF * sp.diags(body.M.diagonal())).tocsr()
     stiffness = (body.K + BELOW * mass).tocsr()
@@ -221,9 +208,8 @@ def _check_definite(body: Superelement, given: Matrices) -> None:
         negative = factor.negative_pivots
         factor.destroy()
         if negative:
-            raise SceneError(
-                f"{key} = {file!r}: {negative} negative eigenvalues; {wanted} is needed"
-            )
+            raise SceneError(f"""{key} = {file!r}: {negative} negative eigenvalues; {wanted} is
+                needed""")
 
 
 def doubts(body: Superelement) -> list[str]:

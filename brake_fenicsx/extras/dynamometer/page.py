@@ -1,7 +1,5 @@
 """States on the page: where squeal is likeliest in a sentence, the matrix, the ROC, scores."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

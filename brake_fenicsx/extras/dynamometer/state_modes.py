@@ -1,7 +1,5 @@
 """Modes of a sample in every state: the same roughness and scatter, other numbers of the brake."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -12,10 +10,9 @@ import numpy as np
 from brake_fenicsx.arguments import Array
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.results.families import ModeFamilies
-from brake_fenicsx.samples.equilibria import Equilibria
 from brake_fenicsx.samples.models import Models
 from brake_fenicsx.samples.sampling import SampleInput, at_values
-from brake_fenicsx.samples.solve import reduced_modes
+from brake_fenicsx.samples.solve import Equilibria, reduced_modes
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.stability import Modes

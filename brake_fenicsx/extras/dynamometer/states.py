@@ -1,7 +1,5 @@
 """States of a dynamometer test: [states] of a scene, and what each state changes in the brake."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -13,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.arrays import reading
-from brake_fenicsx.folder.text_tables import TextTable
+from brake_fenicsx.folder.arrays import TextTable, reading
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.keys import key
 from brake_fenicsx.scene.samples_section import split_key, unit_of
@@ -203,7 +200,7 @@ def imposed_gap(scene: Scene, contact: Any, state: Mapping[str, float]) -> np.nd
     from scipy.interpolate import RBFInterpolator
 
     from brake_fenicsx.build.interfaces import scene_motion
-    from brake_fenicsx.macro.sliding_friction import Rotation
+    from brake_fenicsx.macro.contact_forces import Rotation
 
     x, motion, out = contact.points, scene_motion(scene), np.zeros(contact.interface.size)
     flat = motion.local(x) if isinstance(motion, Rotation) else x

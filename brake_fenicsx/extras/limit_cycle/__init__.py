@@ -14,20 +14,20 @@ EXTRA = Extra(
     band=3.0,
     arrays=("cycle_", "branch_"),
     tables=("limit_cycle", "limit_cycle_growth", "limit_cycle_families"),
-    make_tables=f"{_HERE}.cycle_tables:cycle_tables",
+    make_tables=f"{_HERE}.loudness:cycle_tables",
     figures={
         "limit_cycle_growth": (
-            f"{_HERE}.cycle_figures:draw_growth",
+            f"{_HERE}.loudness:draw_growth",
             "Growth rate of the loudest families over the amplitude of their vibration, one line"
             " for each sample. Growth ends where it is zero (filled circles); from an open circle"
             " on, a vibration grows that dies out when it is smaller.",
         ),
         "limit_cycle_loudness": (
-            f"{_HERE}.cycle_figures:draw_loudness",
+            f"{_HERE}.loudness:draw_loudness",
             "Estimated sound level of the loudest families over the samples: median, quartiles, and"
             " 5 % to 95 % of the samples.",
         ),
     },
-    page=("loudness", "How loud", f"{_HERE}.cycle_figures:cycle_blocks"),
-    cards={"how growth ends": f"{_HERE}.cycle_figures:loudness_text"},
+    page=("loudness", "How loud", f"{_HERE}.loudness:cycle_blocks"),
+    cards={"how growth ends": f"{_HERE}.loudness:loudness_text"},
 )

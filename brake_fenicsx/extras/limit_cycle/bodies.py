@@ -1,13 +1,11 @@
-"""Elastic bodies as harmonic balance sees them: matrices that are sums of powers of lambda.
+"""Elastic bodies in harmonic balance: matrices that are sums of powers of lambda, steps with them.
 
 Of a reduced model, what the kept modes leave out is a power series about the start of the band.
 Beyond the band, and HELD of the way to its nearest pole, it keeps the value it has there: higher
 harmonics meet the kept modes, and a local compliance that does not change any more.
 
-Newton's steps of harmonic balance, without a matrix of all harmonics.
-
-With the forces' stiffness J averaged over a period, every harmonic n of a step obeys, x being what
-is not in balance,
+Newton's steps need no matrix of all harmonics. With the forces' stiffness J averaged over a period,
+every harmonic n of a step obeys, x being what is not in balance,
 
     own a_n + lead J y_n = x_a,    -source a_n + (1 + D J) y_n = x_y.
 

@@ -1,11 +1,18 @@
-"""Limit cycles of a study's samples: each mode alone along its branch, and what a person knows.
+"""Limit cycles of a study's samples: each mode alone along its branch, and the sound it radiates.
 
-``Cycles`` gives what the scene and a sample say to ``SampleCycles``, its equations.
+``Cycles`` gives what the scene and a sample say to ``SampleCycles``, its equations. For the sound,
+every node is a small piston with its share of the area; faces that look the same way radiate
+together (Rayleigh's integral). Of velocities v of sources in a baffle at omega = k c,
+
+    P = rho omega^2 / (4 pi c)  sum_ij A_i A_j Re(v_i v_j*) sin(k r_ij) / (k r_ij)
+
+(Elliott and Johnson, J. Acoust. Soc. Am. 94, 1993, doi:10.1121/1.407490). A real disc has no
+baffle, and air passes around its rim: an estimate, too loud at low frequencies.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -13,10 +20,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse as sp
 
-from brake_fenicsx.arguments import AnyArray, Array, Index, Mask
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index, Ints, Mask
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.folder.log import logger
+from brake_fenicsx.macro.elasticity import FreeDofs
 from brake_fenicsx.macro.equilibrium import Equilibrium
+from brake_fenicsx.macro.faces import gather_face
+from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.samples.models import Models
 from brake_fenicsx.samples.sampling import friction_law
 from brake_fenicsx.scene import Scene
@@ -38,7 +48,6 @@ from .growth import (
 )
 from .harmonic_balance import HarmonicBalance, PeriodForces
 from .keys import LimitCycle
-from .sound import AT_ONE_METRE, Nodes, decibels, nodes_of, sound_power
 
 if TYPE_CHECKING:
     from brake_fenicsx.model import Model
@@ -52,16 +61,105 @@ START = 0.3
 LOSS = 0.02
 
 # Columns of what is measured of a cycle.
-MEASURES = (
-    "amplitude_um", "gap_um", "frequency_hz", "disc_um", "disc_mm_s", "pad_um", "pad_mm_s",
-    "open_share", "yield_share", "slip_over_speed", "time_s", "sound_power_db", "level_1m_db",
-    "harmonics_left_out", "exponent_1_s", "exponent_error_1_s", "exponent_hz",
-)  # fmt: skip
-
-# Measures of how loud a cycle is: of outcomes that may be what is heard. What takes the place of
-# another one is not computed, and may be several times as large.
 SOUND = ("sound_power_db", "level_1m_db")
+MOTION = "amplitude_um", "gap_um", "frequency_hz", "disc_um", "disc_mm_s", "pad_um", "pad_mm_s"
+SHARES = "open_share", "yield_share", "slip_over_speed", "time_s"
+EXPONENTS = "harmonics_left_out", "exponent_1_s", "exponent_error_1_s", "exponent_hz"
+MEASURES = *MOTION, *SHARES, *SOUND, *EXPONENTS
+
+# Outcomes that may be what is heard. What takes the place of another one is not computed, and may
+# be several times as large.
 HEARD = (STABLE, UNDECIDED, UNDAMPED)
+
+DENSITY, SPEED = 1.204, 343.2  # of air at 20 C [kg/m^3], [m/s]
+REFERENCE = 1e-12  # sound power of 0 dB [W]
+# From sound power to the level at 1 m in the open, 20 uPa: a sphere of 4 pi m^2.
+AT_ONE_METRE = -11.0
+# Harmonics whose velocity is less than this share of the largest are left out.
+QUIET = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Nodes:
+    """Nodes of some faces.
+
+    Attributes:
+        columns: free number of each displacement, -1 where held, shape (nodes, 3).
+        place: positions [m], shape (nodes, 3).
+        area: outward area of each node [m^2], shape (nodes, 3).
+    """
+
+    columns: Ints
+    place: Array
+    area: Array
+
+    def displacement(self, u: Complex) -> Complex:
+        """Of vectors on the free dofs, shape (dofs, n) to (nodes, 3, n)."""
+        return np.where((self.columns >= 0)[..., None], u[self.columns], 0.0)
+
+    def power(self, velocity: Complex, omega: float) -> float:
+        """Sound power [W] of one frequency.
+
+        Args:
+            velocity: amplitudes [m/s], shape (nodes, 3).
+            omega: angular frequency [rad/s].
+        """
+        flow, total = np.einsum("nc,nc->n", velocity, self.area), 0.0
+        left = np.ones(flow.size, bool)
+        while left.any():
+            side = left & (self.area @ self.area[np.argmax(left)] > 0)
+            side[np.argmax(left)] = True
+            left &= ~side
+            x, v = self.place[side], flow[side]
+            apart = np.linalg.norm(x[:, None] - x[None], axis=2)
+            kernel = np.sinc(omega / SPEED / np.pi * apart)
+            total += float((v.conj() @ kernel @ v).real)
+        return DENSITY * omega**2 / (4 * np.pi * SPEED) * total
+
+
+def nodes_of(mesh: Mesh, free: FreeDofs, faces: Sequence[str]) -> Nodes:
+    """The nodes of some faces, each once.
+
+    Args:
+        mesh: the tagged mesh.
+        free: numbering of the free dofs.
+        faces: their names, "part.face".
+    """
+    columns, place, area, number = [], [], [], []
+    for face in map(lambda name: gather_face(mesh, free, name), faces):
+        corner = face.corners
+        across = np.cross(corner[:, 1] - corner[:, 0], corner[:, -1] - corner[:, 0])
+        if face.element.corners == 4:
+            across = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
+        size = 0.5 * np.linalg.norm(across, axis=1)
+        share = size[:, None] * face.element.tributary
+        area.append((share[..., None] * face.normal[:, None]).reshape(-1, 3))
+        columns.append(face.columns.reshape(-1, 3))
+        place.append(face.nodes.reshape(-1, 3))
+        number.append(face.number.ravel())
+    _, first, each = np.unique(np.concatenate(number), return_index=True, return_inverse=True)
+    total = np.zeros((first.size, 3))
+    np.add.at(total, each, np.concatenate(area))
+    return Nodes(np.concatenate(columns)[first], np.concatenate(place)[first], total)
+
+
+def sound_power(nodes: Nodes, u: Complex, omega: float) -> float:
+    """Sound power of a periodic vibration [W].
+
+    Args:
+        nodes: of the faces that radiate.
+        u: displacements on the free dofs of the mean and each harmonic [m], shape (dofs, n + 1).
+        omega: angular frequency of the first [rad/s].
+    """
+    velocity = nodes.displacement(u) * (1j * omega * np.arange(u.shape[1]))
+    size = np.abs(velocity).max(axis=(0, 1), initial=0.0)
+    loud = np.flatnonzero(size > QUIET * size.max())
+    return sum(nodes.power(velocity[..., n], n * omega) for n in loud)
+
+
+def decibels(power: float) -> float:
+    """Level of a sound power, re 1 pW [dB]; nan of silence."""
+    return float(10 * np.log10(power / REFERENCE)) if power > 0 else float("nan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,13 +242,11 @@ class SampleCycles:
         last = np.linalg.norm(at.y[:, -1]) / np.linalg.norm(at.y[:, 1])
         mu = exponents(problem, at) if cycle.kind == STABLE else np.full(2, np.nan + 0j)
         largest = mu[1 + np.argmax(mu[1:].real)]
-        values = (
-            1e6 * at.amplitude, 0.5e6 * float(np.ptp(gap, axis=1).max()), omega / (2 * np.pi),
-            *numbers, float(opens.sum() / self.closed.sum()),
-            float(yields.sum() / self.closed.sum()), float(ratio), time_to_reach(branch, cycle),
-            level, level + AT_ONE_METRE, float(last), largest.real, abs(mu[0].real),
-            largest.imag / (2 * np.pi),
-        )  # fmt: skip
+        sizes = 1e6 * at.amplitude, 0.5e6 * float(np.ptp(gap, axis=1).max()), omega / (2 * np.pi)
+        shares = (float(x.sum() / self.closed.sum()) for x in (opens, yields))
+        slow = float(ratio), time_to_reach(branch, cycle), level, level + AT_ONE_METRE
+        rest = float(last), largest.real, abs(mu[0].real), largest.imag / (2 * np.pi)
+        values = *sizes, *numbers, *shares, *slow, *rest
         return dict(zip(MEASURES, values, strict=True))
 
     def arrays(self, modes: Modes, settings: LimitCycle, threshold: float) -> dict[str, Any]:
@@ -219,12 +315,7 @@ class Cycles:
         self._threshold = models.stability.threshold if models.stability else 0.0
 
     def of(
-        self,
-        sample: SampleInput,
-        eq: Equilibrium,
-        modes: Modes,
-        partner: Index,
-        reduced: bool,
+        self, sample: SampleInput, eq: Equilibrium, modes: Modes, partner: Index, reduced: bool
     ) -> dict[str, Any]:
         """Limit cycles of a sample's growing modes; see ``SampleCycles.arrays``.
 

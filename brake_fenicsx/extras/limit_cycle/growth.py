@@ -1,4 +1,4 @@
-"""Growth of a mode over its amplitude, and the limit cycles where it is zero.
+"""Growth of a mode over its amplitude, the limit cycles where it is zero, and their stability.
 
 The branch alpha(a) is followed from the linear mode by pseudo-arclength (Keller 1977) in the
 shape of all harmonics and in alpha, so that it may turn back, or turn while nothing but a higher
@@ -6,14 +6,12 @@ harmonic changes. Where alpha falls through zero on the way, a cycle is stable a
 where it rises, vibrations beyond it grow: a mode that is linearly stable then grows from a kick.
 Without damping alpha ends at zero, where the mode parts into two that do not grow.
 
-Whether vibrations near a limit cycle come to it: its Floquet exponents.
-
-A small change of a cycle obeys linear equations whose contact stiffness varies with the period.
-They are stepped over one period, exactly but for what the stiffness differs from its mean, which
-acts in kicks at the points of time (Strang 1968); ln(rho) / period of the eigenvalues rho of the
-product are the exponents mu. There the compliance D of what the kept modes leave out is real and
-that of the first harmonic. Its change with lambda, D(mu + i n omega) of harmonic n, shifts mu to
-first order,
+The Floquet exponents of a cycle tell whether vibrations near it come to it. A small change obeys
+linear equations whose contact stiffness varies with the period. They are stepped over one period,
+exactly but for what the stiffness differs from its mean, which acts in kicks at the points of time
+(Strang 1968); ln(rho) / period of the eigenvalues rho of the product are the exponents mu. There
+the compliance D of what the kept modes leave out is real and that of the first harmonic. Its change
+with lambda, D(mu + i n omega) of harmonic n, shifts mu to first order,
 
     d rho = sum over times of (left vector) (change of the kick),
 

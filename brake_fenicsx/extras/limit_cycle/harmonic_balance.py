@@ -14,11 +14,10 @@ Krack, Comput. Struct. 154, 2015, doi:10.1016/j.compstruc.2015.03.008).
 Newton's method solves for a_n, y_n, alpha and omega under a condition on growth and amplitude; see
 ``bodies`` for its linear systems.
 
-Contact forces of patches over a period of vibration, exact in opening, yielding and reversal.
-
-A patch carries w (p(g) - p_e) along the gap, p_e its pressure at equilibrium. Where a hardness
-limits the pressure, unloading and reloading are elastic: from the smallest gap g_m that the patch
-has had, at equilibrium or in the vibration, it goes back along
+The forces of patches over a period are exact in opening, yielding and reversal. A patch carries w
+(p(g) - p_e) along the gap, p_e its pressure at equilibrium. Where a hardness limits the pressure,
+unloading and reloading are elastic: from the smallest gap g_m that the patch has had, at
+equilibrium or in the vibration, it goes back along
 
     p = p_m (1 - s)^n,    s = (g - g_m) v_m / (n p_m),    open for s >= 1,
 
@@ -36,8 +35,7 @@ import scipy.linalg as la
 
 from brake_fenicsx.arguments import Array, Complex, Index, Mask
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.macro.gap import EnrichedGap
-from brake_fenicsx.macro.sliding_friction import Coefficient, SlidingFriction, patch_forces, sliding
+from brake_fenicsx.macro import contact_forces
 
 from .bodies import Bodies, Factors, Step, changes, newton_step, through
 
@@ -318,13 +316,13 @@ class PeriodForces:
         coefficient: friction by the slip speed; None where it does not change.
     """
 
-    laws: EnrichedGap
+    laws: contact_forces.EnrichedGap
     yields: Mask
     w: Array
     g: Array
-    friction: SlidingFriction
+    friction: contact_forces.SlidingFriction
     followed: str = "N"
-    coefficient: Coefficient | None = None
+    coefficient: contact_forces.Coefficient | None = None
 
     def __call__(self, y: Array, v: Array) -> tuple[Array, Tangent]:
         """Forces beyond those of the equilibrium [N], and their tangent."""
@@ -332,18 +330,20 @@ class PeriodForces:
         y, v = y.reshape(blocks, c, -1), v.reshape(blocks, c, -1)
         p, k, past = self.pressure(self.g[:, None] + y[0])
         p_e = self.pressure(self.g[:, None])[0]
-        traction, slopes = sliding(mu[:, None], p), None
+        traction, slopes = contact_forces.sliding(mu[:, None], p), None
         rates = ["TR".index(name) for name in self.followed[1:]]
         if rates:
             slip = np.zeros((2, *p.shape))
             slip[rates] = v[1:]
             traction, slopes = self.friction.traction(slip, self.coefficient, SMOOTH)
         acting = 1 + max((1, *(1 + rate for rate in rates))) if rates else 1
-        moving = patch_forces(self.w, p, k, traction, slopes)
-        still = patch_forces(self.w, p_e, 0 * p_e, sliding(mu[:, None], p_e))
+        moving = contact_forces.patch_forces(self.w, p, k, traction, slopes)
+        still = contact_forces.patch_forces(
+            self.w, p_e, 0 * p_e, contact_forces.sliding(mu[:, None], p_e)
+        )
         to_y, to_v = np.zeros((2, acting, blocks, *p.shape))
         to_y[:, 0], to_v[:, 1:] = moving.gap[:acting], moving.rate[:acting, rates]
-        to_past = patch_forces(self.w, past, 0 * past, traction).value[:acting]
+        to_past = contact_forces.patch_forces(self.w, past, 0 * past, traction).value[:acting]
         more = to_v if rates else None, to_past if past.any() else None
         tangent = Tangent(to_y, *more, np.argmin(y[0], axis=1))
         forces = (moving.value - still.value)[:acting]
@@ -368,10 +368,10 @@ class PeriodForces:
         return p, k, past
 
 
-def _of(laws: EnrichedGap, chosen: Mask, times: int) -> EnrichedGap:
+def _of(laws: contact_forces.EnrichedGap, chosen: Mask, times: int) -> contact_forces.EnrichedGap:
     """Laws of some elements at so many times, of gaps of the shape (elements, times)."""
     index = np.repeat(laws.index[chosen, None], times, axis=1)
-    return EnrichedGap(laws.laws, index, laws.g_cr[chosen, None])
+    return contact_forces.EnrichedGap(laws.laws, index, laws.g_cr[chosen, None])
 
 
 def _elastic(

@@ -45,11 +45,10 @@ def identify(options: Any, comm: Any) -> str:
     """Identify the constants of a part's material from the frequencies of its resonances."""
     from .identify import identify as identified
 
-    return identified(
-        options.scene, options.peaks, options.part, options.material, options.supported,
-        0.01 * options.prior, 0.01 * options.error, options.directory, options.set,
-        comm.rank == 0, options.write,
-    )  # fmt: skip
+    given = options.scene, options.peaks, options.part, options.material, options.supported
+    scatter = 0.01 * options.prior, 0.01 * options.error
+    last = options.directory, options.set, comm.rank == 0, options.write
+    return identified(*given, *scatter, *last)
 
 
 @command(DIRECTORY, alone=True)

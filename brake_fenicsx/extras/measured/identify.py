@@ -22,8 +22,7 @@ from brake_fenicsx.scene import MaterialTable, Scene, read_scene
 from brake_fenicsx.scene.read import toml_text, with_values, write_text
 from brake_fenicsx.scene.units import in_unit_of, to_si
 
-from .peaks import Peaks, read_peaks
-from .posterior import Posterior, VariedBody, fill_basis, identified
+from .posterior import Peaks, Posterior, VariedBody, fill_basis, identified, read_peaks
 from .study import beside, part_name
 
 # Modes are computed up to this multiple of the highest peak, and no more than so many.

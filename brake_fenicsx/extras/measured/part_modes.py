@@ -1,12 +1,10 @@
-"""Real modes of one body of a scene, and their shapes at points of its surface.
+"""Real modes of one body of a scene, their shapes at points of its surface, and receptances there.
 
-Receptances of a body: a few vectors for all frequencies, and the error against full order.
-
-(K - omega^2 M + i omega C) u = f is projected on all real modes up to a frequency beyond the band,
-rigid-body motions included, and on the static answers to the forces and at the points seen
-(residual vectors: MacNeal, Comput. Struct. 1 (1971) 581). The equation is then solved as it stands
-where its residual is largest. That tells the error; where it is too large, the solution joins the
-vectors.
+For receptances, (K - omega^2 M + i omega C) u = f is projected on a few vectors for all
+frequencies: all real modes up to one beyond the band, rigid-body motions included, and the static
+answers to the forces and at the points seen (residual vectors: MacNeal, Comput. Struct. 1 (1971)
+581). The equation is then solved as it stands where its residual is largest. That tells the error;
+where it is too large, the solution joins the vectors.
 """
 
 import brake_fenicsx.petsc_started  # noqa: F401
@@ -31,15 +29,9 @@ from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.elasticity import Elastic, FreeDofs
 from brake_fenicsx.macro.faces import EDGE, Face, gather_face, project
 from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.meshing import rawmesh
 from brake_fenicsx.meshing.brake_mesh import Mesh, raw_mesh, tagged_mesh
 from brake_fenicsx.meshing.groups import mesh_of_file
-from brake_fenicsx.meshing.rawmesh import (
-    RawMesh,
-    body_of_points,
-    exterior_facets,
-    facet_keys,
-    without_unused_nodes,
-)
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.stability.eigensolvers.symmetric import shifted_factor, symmetric_modes
 
@@ -145,7 +137,7 @@ def elastic_modes(
     return frequency[elastic], found.Phi[:, elastic], int(np.sum(~elastic))
 
 
-def _raw_mesh(scene: Scene, name: str) -> RawMesh:
+def _raw_mesh(scene: Scene, name: str) -> rawmesh.RawMesh:
     """Mesh that holds a part: its own, or that of the file."""
     builders = scene_parts(scene)
     if name in builders:
@@ -153,20 +145,22 @@ def _raw_mesh(scene: Scene, name: str) -> RawMesh:
     return mesh_of_file(grouped_file(scene.file.parent, scene.mesh), file_parts(scene))
 
 
-def _body(mesh: RawMesh, name: str, near: Array) -> RawMesh:
+def _body(mesh: rawmesh.RawMesh, name: str, near: Array) -> rawmesh.RawMesh:
     """The body of a part that most points lie next to."""
     own = np.flatnonzero(mesh.part(name))
     cells = mesh.corners[own]
-    body = body_of_points(cells, len(mesh.points))
+    body = rawmesh.body_of_points(cells, len(mesh.points))
     nodes = np.unique(cells)
     nearest = nodes[KDTree(mesh.points[nodes]).query(near)[1]]
     chosen = own[body[cells[:, 0]] == np.bincount(body[nearest]).argmax()]
     layers = {n: tag for n, tag in mesh.layers.items() if n.partition(".")[0] == name}
     alone = replace(mesh, cells=mesh.cells[chosen], cell_tag=mesh.cell_tag[chosen], layers=layers)
-    kept = np.isin(facet_keys(mesh.facets), facet_keys(exterior_facets(alone, name)))
+    kept = np.isin(
+        rawmesh.facet_keys(mesh.facets), rawmesh.facet_keys(rawmesh.exterior_facets(alone, name))
+    )
     tags = mesh.facet_tag[kept]
     faces = {n: tag for n, tag in mesh.faces.items() if tag in tags}
-    return without_unused_nodes(
+    return rawmesh.without_unused_nodes(
         replace(alone, facets=mesh.facets[kept], facet_tag=tags, faces=faces)
     )
 

@@ -1,11 +1,11 @@
-"""Constants of a material from resonances: Gauss-Newton and Laplace's approximation.
+"""Constants of a material from resonances: their table, Gauss-Newton, Laplace's approximation.
 
 Logarithms of the constants are normal around the scene's, those of the measured frequencies normal
 around the computed ones. Peaks are assigned to modes by the least sum of squares; a peak that is
 farther from every mode than a gate is left out, at the cost of the gate; a mode that nobody heard
-costs what one of ten does. Gauss-Newton starts at
-several constants drawn from the prior, each with two gates, which narrow; the best end counts.
-The covariance is the inverse of the Gauss-Newton matrix there.
+costs what one of ten does. Gauss-Newton starts at several constants drawn from the prior, each with
+two gates, which narrow; the best end counts. The covariance is the inverse of the Gauss-Newton
+matrix there.
 
 The stiffness is linear in the C_ij of the material. Modes at some constants span a basis on which
 those at other constants are computed (Rayleigh-Ritz); the basis takes in further modes until
@@ -15,21 +15,24 @@ Reference: A. Tarantola, Inverse Problem Theory (2005), doi:10.1137/1.9780898717
 """
 
 from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import scipy.linalg as la
 from scipy.optimize import linear_sum_assignment
 
-from brake_fenicsx.arguments import Array, Index
-from brake_fenicsx.build.changes import VOIGT, moved_entries, unit_change
-from brake_fenicsx.build.material_table import constants, stiffness, varied_stiffness
+from brake_fenicsx.arguments import Array, Complex, Index
+from brake_fenicsx.build import changes, material_table
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
+from brake_fenicsx.folder.arrays import TextTable
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.stability.eigensolvers.symmetric import count_below
 
 from .part_modes import elastic_modes, part_body
+from .universal import modes_of, read_sets
 
 # Directions of the basis smaller than this share of the largest are left out.
 SMALL = 1e-6
@@ -46,6 +49,116 @@ ROUNDS = 6
 # Cost of a mode below the highest peak that nobody heard: one of ten is not. Without it the many
 # modes of a soft body would explain any peaks.
 UNHEARD = 2 * np.log(9.0)
+
+UNITS = {"frequency_hz": 1.0, "frequency_khz": 1e3}
+# Two peaks closer than this may be one that was written twice.
+TWICE = 2e-4
+SUFFIXES = (".unv", ".uff", ".uf")
+# Modes; functions of several types, of which one is the frequency response.
+SHAPES, RESPONSES, RESPONSE = 55, 58, 4
+# A pole counts as a mode if, of so many model orders, this share has one this near, over |s|.
+ORDERS, ORDER, SHARE, STABLE = 60, 20, 0.8, 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Peaks:
+    """Resonances of one specimen.
+
+    Attributes:
+        specimen: its name.
+        frequency: ascending, shape (peaks,) [Hz].
+        q: quality factor 1 / (2 zeta) of each, nan where not given.
+    """
+
+    specimen: str
+    frequency: Array
+    q: Array
+
+
+def read_peaks(path: str | Path) -> list[Peaks]:
+    """Read the peaks of all specimens of a file.
+
+    Args:
+        path: a table with a column frequency_hz or frequency_khz, and q and specimen if there are
+            any; or a universal file of identified modes (dataset 55), or of frequency responses
+            (dataset 58), in which sdypy-EMA then finds the modes.
+
+    Raises:
+        SceneError: file, line, value and remedy.
+    """
+    file = Path(path)
+    if file.suffix.lower() not in SUFFIXES:
+        return _table(file)
+    sets = read_sets(file, ())
+    kinds = {d["type"] for d in sets}
+    measured = RESPONSES in kinds and SHAPES not in kinds
+    s = _poles(file) if measured else np.array([mode.s for mode in modes_of(file, sets)])
+    ratio = np.where(s.real < 0, -s.real / np.abs(s), np.nan)
+    return [_checked(file, file.stem, np.column_stack([s.imag / (2 * np.pi), 0.5 / ratio]))]
+
+
+def _table(file: Path) -> list[Peaks]:
+    """Peaks of a table."""
+    table = TextTable.read(file)
+    unit, *more = [name for name in table.heading if name in UNITS] or [""]
+    if not unit or more or {*table.heading} - {*UNITS, "q", "specimen"}:
+        raise SceneError(f"""{file}: the heading is {",".join(table.heading)}; write one of
+            {", ".join(UNITS)}, and q and specimen if there are any""")
+    f = UNITS[unit] * table.numbers(unit, positive=True)
+    q = table.numbers("q", optional=True, positive=True)
+    specimens: dict[str, list[tuple[float, float]]] = {}
+    for name, *peak in zip(table.texts("specimen"), f, q, strict=True):
+        specimens.setdefault(name or "1", []).append((peak[0], peak[1]))
+    return [_checked(file, name, np.array(sorted(own))) for name, own in specimens.items()]
+
+
+def _poles(file: Path) -> Complex:
+    """Eigenvalues [1/s] of frequency responses that are stable over the order of the model.
+
+    Least-squares complex frequency-domain method (B. Peeters et al., Shock Vib. 11, 2004,
+    doi:10.1155/2004/523692).
+
+    Raises:
+        SceneError: the library is not installed, the responses are none or do not fit together,
+            or no pole is stable.
+    """
+    try:
+        ema = import_module("sdypy.EMA")
+    except ImportError:
+        raise SceneError(f"""{file}: contains frequency responses (dataset 58) and no modes; pip
+            install sdypy-EMA, which finds modes in them, or export modes as dataset
+            55""") from None
+    sets = (d for d in read_sets(file, (RESPONSES,)) if d["type"] == RESPONSES)
+    x = [np.asarray(d["x"]) for d in sets if d["func_type"] == RESPONSE]
+    if not x or any(f.shape != x[0].shape or not np.allclose(f, x[0]) for f in x):
+        raise SceneError(f"""{file}: dataset 58: {len(x)} frequency responses (function type 4), or
+            not all at the same frequencies; export frequency responses of one frequency axis""")
+    model = ema.Model(lower=x[0][1], upper=x[0][-1], pol_order_high=ORDERS)
+    try:
+        model.read_uff(str(file))
+        model.get_poles(show_progress=False)
+    except Exception as error:  # sdypy-EMA raises nothing narrower
+        raise SceneError(f"""{file}: dataset 58: sdypy-EMA fails ({type(error).__name__}: {error});
+            export modes as dataset 55""") from None
+    orders, found = [np.asarray(poles) for poles in model.all_poles[-ORDER:]], []
+    for s in (s for s in orders[-1] if s.imag > 0 > s.real):
+        nearest = np.array([poles[np.argmin(np.abs(poles - s))] for poles in orders])
+        same = nearest[np.abs(nearest - s) < STABLE * abs(s)]
+        if same.size >= SHARE * ORDER:
+            found.append(complex(np.median(same.real), np.median(same.imag)))
+    if not found:
+        raise SceneError(f"{file}: dataset 58: no resonance is found; export modes as dataset 55")
+    return np.array(sorted(found, key=lambda s: s.imag))
+
+
+def _checked(file: Path, name: str, rows: Array) -> Peaks:
+    f = rows[:, 0]
+    for i in np.flatnonzero(np.diff(f) < TWICE * f[1:]):
+        logger.warning(
+            "%s: specimen %s: peaks %.6g and %.6g Hz are taken as two modes; if they are one,"
+            " remove one", file, name, f[i], f[i + 1],
+        )  # fmt: skip
+    return Peaks(name, f, rows[:, 1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +189,7 @@ class VariedBody:
         """Assemble the body; see ``part_modes``."""
         self._table, self.highest = scene.materials[material], highest
         self._where = f"{scene.file}: materials.{material}"
-        usual, given = constants(self._table), self._table.C11 is not None
+        usual, given = material_table.constants(self._table), self._table.C11 is not None
         known = [name for name in usual if (name[0] == "C") == given]
         # Of what is zero there is no logarithm: it stays.
         self.names = [name for name in known if usual[name] > 0]
@@ -85,13 +198,13 @@ class VariedBody:
         self.nominal = np.log([usual[name] for name in self.names])
         mesh, elastic, _ = part_body(scene, part, np.zeros((1, 3)), supported)
         self._K, self._M = elastic.K, elastic.M
-        entries = moved_entries(scene, material, self.names)
-        self._index = tuple(np.array([VOIGT[entry] for entry in entries]).T)
-        directions = [unit_change(scene, mesh, material, entry) for entry in entries]
+        entries = changes.moved_entries(scene, material, self.names)
+        self._index = tuple(np.array([changes.VOIGT[entry] for entry in entries]).T)
+        directions = [changes.unit_change(scene, mesh, material, entry) for entry in entries]
         if not all(directions):
             raise SceneError(f"{self._where}: of no layer of parts.{part}; name another --material")
         self._A = affine_parts(mesh, elastic.free, directions)
-        self._C = stiffness(self._table)[self._index]
+        self._C = material_table.stiffness(self._table)[self._index]
         self._count, self._W = 0, np.zeros((elastic.M.shape[0], 0))
 
     def count(self) -> int:
@@ -102,7 +215,7 @@ class VariedBody:
         """The C_ij that change, at logarithms of the constants."""
         values = dict(zip(self.names, np.exp(theta), strict=True))
         try:
-            C = varied_stiffness(self._table, values)
+            C = material_table.varied_stiffness(self._table, values)
         except SceneError as error:  # as of nu beyond 0.5
             raise InaccurateResult(f"{self._where}: {error}") from None
         if not la.eigvalsh(C)[0] > 0:

@@ -18,7 +18,7 @@ from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.build.material_table import layer_materials
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.text_tables import TextTable
+from brake_fenicsx.folder.arrays import TextTable
 from brake_fenicsx.macro.elasticity import Elastic
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.report import style
@@ -26,9 +26,9 @@ from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.stability.substructures.substructure import ModalRatio
 
-from .measured import NODES, SYSTEMS, UNITS, nodes_of, read_sets
 from .part_modes import BEYOND, Damped, frac, part_body, real_modes, receptances, surface_rows
 from .study import check_distance, correlate, part_name
+from .universal import NODES, SYSTEMS, UNITS, nodes_of, read_sets
 
 MODES, FUNCTION, RESPONSE = 55, 58, 4  # datasets; type of a function
 # Specific data type of the ordinate -> times it is differentiated by time; that of a force.
@@ -36,8 +36,7 @@ ORDER, FORCE = {8: 0, 11: 1, 12: 2}, 13
 QUANTITY = ("receptance [m/N]", "mobility [m/(s N)]", "accelerance [1/kg]")
 GRAVITY = 9.80665  # of accelerations in g
 EVENLY, MOST = 1000, 8  # frequencies of the model alone; responses of the figure
-POINTS = ("force_x_mm", "force_y_mm", "force_z_mm", "force_direction",
-          "x_mm", "y_mm", "z_mm", "direction")  # fmt: skip
+POINTS = tuple(f + w for f in ("force_", "") for w in ("x_mm", "y_mm", "z_mm", "direction"))
 UNDAMPED = """
 no damping, infinite peaks: write some, such as stability.damping.modal.%s.ratio = 0.01"""
 COLUMNS = ("response", "frequency_hz", "re_m_N", "im_m_N", "test_re_m_N", "test_im_m_N")

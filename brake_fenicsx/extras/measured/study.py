@@ -23,8 +23,8 @@ from brake_fenicsx.report import style
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import Scene, read_scene
 
-from .measured import ModalTest, read_modes
 from .part_modes import PartModes, part_modes, shapes_at
+from .universal import ModalTest, read_modes
 
 Cells = Sequence[AnyArray]
 
@@ -38,10 +38,8 @@ REMEDY = (
     "correct the unit (dataset 164, metres if there is none), or give nodes in the axes of the"
     " scene"
 )
-COLUMNS = (
-    "test_mode", "test_frequency_hz", "test_damping_ratio", "model_mode", "model_frequency_hz",
-    "difference", "mac", "combined",
-)  # fmt: skip
+TESTED = "test_mode", "test_frequency_hz", "test_damping_ratio"
+COLUMNS = *TESTED, "model_mode", "model_frequency_hz", "difference", "mac", "combined"
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,10 +278,9 @@ def _draw_mac(axis: style.Axes, measured: ModalTest, modes: PartModes, pairs: Pa
                 j, i, f"{pairs.mac[i, j]:.2f}", ha="center", va="center", color=dark, fontsize=6
             )
     rows = np.flatnonzero(pairs.mode >= 0)
+    side = np.array([-0.5, 0.5, 0.5, -0.5, -0.5])
     for i, j in zip(rows, pairs.mode[rows], strict=True):
-        axis.plot([j - 0.5, j + 0.5, j + 0.5, j - 0.5, j - 0.5],
-                  [i - 0.5, i - 0.5, i + 0.5, i + 0.5, i - 0.5],
-                  color=style.VERMILION, linewidth=1.2, clip_on=False)  # fmt: skip
+        axis.plot(j + side, i + np.roll(side, 1), color=style.VERMILION, lw=1.2, clip_on=False)
     axis.set_yticks(range(tests), [f"{f:.0f}" for f in measured.frequency])
     axis.set_xticks(range(count), [f"{f:.0f}" for f in modes.frequency], rotation=90)
     axis.set_ylabel("measured mode [Hz]")

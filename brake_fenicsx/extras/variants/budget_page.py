@@ -1,7 +1,5 @@
 """The page of an error budget: sentences, one picture, the scene's own numbers and the changes."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,10 +11,8 @@ from . import page
 
 Key = tuple[str, int | None]  # approach and number of a family
 
-OWN = (
-    "approach", "family", "samples that squeal", "95 % interval",
-    "scatter of the frequency [Hz]", "scatter of the damping",
-)  # fmt: skip
+SCATTER = "scatter of the frequency [Hz]", "scatter of the damping"
+OWN = "approach", "family", "samples that squeal", "95 % interval", *SCATTER
 HEADS = (
     "setting", "variant", "time [s]", "memory [MB]", "approach", "family",
     "change of the probability (95 % interval)", "samples", "frequency: bias (scatter) [Hz]",

@@ -1,7 +1,5 @@
 """The commands budget, countermeasures and compare."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from brake_fenicsx.commands import ALLOW, CACHE, SCENE, SET, argument, command, folder_of

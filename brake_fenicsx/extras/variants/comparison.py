@@ -5,39 +5,35 @@ numbers, and of independent ones elsewhere. Approaches of a single sample have n
 of them is left to chance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from brake_fenicsx.arguments import AnyArray, Complex, Mask
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import read_npz, reading
+from brake_fenicsx.libraries import differences
 from brake_fenicsx.report.page_blocks import Table, Text
 from brake_fenicsx.results.ensemble_statistics import difference
 from brake_fenicsx.results.families import SHAPES, same_families
 from brake_fenicsx.results.run import RunData, read_run
 from brake_fenicsx.results.tables import Value, text_table, write_rows
-from brake_fenicsx.results.versions import differences
 
 from . import page
 from .surfaces import COLUMNS as SURFACE_COLUMNS
 from .surfaces import surface_blocks, surface_rows, surface_text
 
-Shapes = dict[str, NDArray]
-COLUMNS = (
-    "approach", "family_a", "family_b", "mac", "frequency_a_hz", "frequency_b_hz", "samples_a",
-    "samples_b", "probability_a", "probability_b", "change", "change_low", "change_high",
-    "paired", "median_damping_a", "median_damping_b",
-)  # fmt: skip
-HEADS = (
-    "approach", "family", "frequency in A [kHz]", "in B [kHz]", "samples that squeal in A",
-    "in B", "change (95 % interval)", "median damping in A", "in B", "MAC",
-)  # fmt: skip
+Shapes = dict[str, AnyArray]
+BOTH = "frequency_a_hz", "frequency_b_hz", "samples_a", "samples_b", "probability_a"
+CHANGE = "probability_b", "change", "change_low", "change_high", "paired"
+DAMPING = "median_damping_a", "median_damping_b"
+COLUMNS = "approach", "family_a", "family_b", "mac", *BOTH, *CHANGE, *DAMPING
+SHOWN = "frequency in A [kHz]", "in B [kHz]", "samples that squeal in A", "in B"
+LAST = "change (95 % interval)", "median damping in A", "in B", "MAC"
+HEADS = "approach", "family", *SHOWN, *LAST
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +48,7 @@ class Side:
     """
 
     number: int | None
-    squeal: NDArray[np.bool_]
+    squeal: Mask
     frequency: float | None = None
     damping: float | None = None
 
@@ -73,17 +69,13 @@ def compare_runs(
     runs = read_run(a), read_run(b)
     for run in runs:
         if not _has_modes(run):
-            raise SceneError(
-                f"{run.directory}: contains no modes to compare; run the scene with the stage"
-                " stability, or both with a surface"
-            )
+            raise SceneError(f"""{run.directory}: contains no modes to compare; run the scene with
+                the stage stability, or both with a surface""")
     one, two = runs
     common = [name for name in one.approaches if name in two.approaches]
     if not common:
-        raise SceneError(
-            f"{one.directory}, {two.directory}: no approach in common"
-            f" ({', '.join(one.approaches)}; {', '.join(two.approaches)})"
-        )
+        raise SceneError(f"""{one.directory}, {two.directory}: no approach in common
+            ({", ".join(one.approaches)}; {", ".join(two.approaches)})""")
     rows = []
     for approach in common:
         seeds = [_seeds(run, approach) for run in runs]
@@ -143,7 +135,7 @@ def shapes_of(run: RunData) -> Shapes | None:
 
 def _at_common_nodes(
     one: Shapes, first: list[int], two: Shapes, second: list[int]
-) -> tuple[NDArray, NDArray]:
+) -> tuple[AnyArray, AnyArray]:
     """Shapes of families at those nodes of the first run that the second one has too."""
     size = np.ptp(one["points"], axis=0).max()
     places = [np.column_stack([s["points"], s["body"]]) for s in (one, two)]
@@ -153,7 +145,7 @@ def _at_common_nodes(
     return X.reshape(len(X), -1).T, Y.reshape(len(Y), -1).T
 
 
-def _vectors(shapes: Shapes, numbers: list[int]) -> NDArray[np.complex128]:
+def _vectors(shapes: Shapes, numbers: list[int]) -> Complex:
     """Shapes of some families; zero where one was not kept."""
     kept = {int(n): i for i, n in enumerate(shapes["families"])}
     out = np.zeros((len(numbers), *shapes["shapes"].shape[1:]), complex)
@@ -167,11 +159,10 @@ def _row(approach: str, a: Side, b: Side, mac: float | None, paired: bool) -> pa
     """One line of the comparison."""
     change, low, high = difference(a.squeal, b.squeal, paired and a.squeal.size == b.squeal.size)
     chance = min(a.squeal.size, b.squeal.size) > 1
-    cells = (
-        approach, a.number, b.number, mac, a.frequency, b.frequency, a.squeal.size, b.squeal.size,
-        float(a.squeal.mean()), float(b.squeal.mean()), change, low if chance else None,
-        high if chance else None, "yes" if paired else "no", a.damping, b.damping,
-    )  # fmt: skip
+    both = a.number, b.number, mac, a.frequency, b.frequency, a.squeal.size, b.squeal.size
+    ends = (low, high) if chance else (None, None)
+    shares = float(a.squeal.mean()), float(b.squeal.mean()), change, *ends
+    cells = approach, *both, *shares, "yes" if paired else "no", a.damping, b.damping
     return dict(zip(COLUMNS, cells, strict=True))
 
 

@@ -5,22 +5,18 @@ Each is a scalar that samples of one brake may take other values of, as random a
 that number's place, so that units, signs and all rules are those of the scene.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.keys import KeyMistake, dotted, key_parts
 from brake_fenicsx.scene.keys import key as scene_key
 from brake_fenicsx.scene.samples_section import NO_ROUGH_SAMPLES, is_constant, split_key
 from brake_fenicsx.scene.scalars import check_scalar, si_unit, written_value
-
-if TYPE_CHECKING:
-    from brake_fenicsx.scene.scene import Scene
+from brake_fenicsx.scene.scene import Scene
 
 RAYLEIGH = ["stability", "damping", "rayleigh"]
 
@@ -76,9 +72,8 @@ def with_ends(scene: Scene, read: Callable[[str], Scene]) -> Scene:
         SceneError: the key, its value and the remedy.
     """
     if not {"stability", "uncertainty"} <= {*scene.stages}:
-        raise SceneError(
-            "countermeasures: need modes of many samples; add stability and uncertainty to stages"
-        )
+        raise SceneError("""countermeasures: need modes of many samples; add stability and
+            uncertainty to stages""")
     if not scene.samples.rough:
         raise SceneError(f"countermeasures: {NO_ROUGH_SAMPLES}")
     changes: dict[str, Countermeasure] = {}
@@ -130,7 +125,5 @@ def _check_not_random(scene: Scene, name: str, where: str) -> None:
     for other in scene.samples.random:
         constants = is_constant(name) and is_constant(other) and split_key(other)[1] == table
         if constants or split_key(other) == split_key(name):
-            raise SceneError(
-                f'{where}: samples.random."{other}" is random; leave this one out, change'
-                " the distribution in a copy, run both and use brake-fenicsx compare"
-            )
+            raise SceneError(f"""{where}: samples.random."{other}" is random; leave this one out,
+                change the distribution in a copy, run both and use brake-fenicsx compare""")

@@ -4,8 +4,6 @@ The worst family of the rough samples is the one that squeals in most of them. A
 where it squeals in so few that, with 95 % confidence, it does in at most 5 % of all.
 """
 
-from __future__ import annotations
-
 import gc
 import json
 from collections.abc import Mapping, Sequence
@@ -20,19 +18,12 @@ import numpy as np
 from brake_fenicsx.build.brake import check_brake
 from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.files import digest
+from brake_fenicsx.folder import files, processes, store
 from brake_fenicsx.folder.log import logger
-from brake_fenicsx.folder.processes import on_first
-from brake_fenicsx.folder.store import Store
 from brake_fenicsx.model import Model, prepare
 from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
 from brake_fenicsx.results.run import read_run
-from brake_fenicsx.samples.random_inputs import (
-    check_values,
-    law_factor,
-    law_material,
-    scaled_interfaces,
-)
+from brake_fenicsx.samples import sampling
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.samples_section import ROUGH, is_constant, split_key
@@ -76,10 +67,8 @@ class Search:
         self._latest: tuple[dict[str, list[float]], Model] | None = None
         named = self.scene.section("countermeasures")
         if not named:
-            raise SceneError(
-                f"{self.scene.file}: countermeasures: there are none; write [[countermeasures]]"
-                ' with key = "contact.NAME.friction" and to = 0.3, for example'
-            )
+            raise SceneError(f"""{self.scene.file}: countermeasures: there are none; write
+                [[countermeasures]] with key = "contact.NAME.friction" and to = 0.3, for example""")
         for c in named:
             try:
                 check_brake(self.runs.read(self.changes({c: c.stop})), comm)
@@ -89,8 +78,8 @@ class Search:
         self.approach = next(a for a in ROUGH if a in samples.approaches)
         n, threshold = samples.plan(self.approach).n, stability.threshold if stability else 0.0
         ends = [[c.key, c.start, c.stop] for c in named]
-        self._mark = digest([result_digest(self.scene), self.approach, n, threshold, ends])
-        self.found: dict[str, dict[str, Any]] = on_first(self._stored, comm)
+        self._mark = files.digest([result_digest(self.scene), self.approach, n, threshold, ends])
+        self.found: dict[str, dict[str, Any]] = processes.on_first(self._stored, comm)
 
     def _stored(self) -> dict[str, dict[str, Any]]:
         folder, remedy = self.runs.folder, "choose another folder with -o"
@@ -99,19 +88,16 @@ class Search:
             # A call that ended at its mesh leaves a cache and a log alone.
             there = {p.name for p in folder.glob("[!.]*")} - {"cache", "log.txt"}
             if there and "before" not in there:
-                raise SceneError(
-                    f"-o {folder}: contains {min(there)!r} and no countermeasures; {remedy}"
-                )
+                raise SceneError(f"""-o {folder}: contains {min(there)!r} and no countermeasures;
+                    {remedy}""")
             return {}
         try:
             stored = json.loads(path.read_text(encoding="utf-8"))
         except ValueError:
             raise SceneError(f"{path}: damaged; remove it, and the search begins again") from None
         if stored["mark"] != self._mark:
-            raise SceneError(
-                f"-o {folder}: contains countermeasures of another scene or others of this one;"
-                f" {remedy}"
-            )
+            raise SceneError(f"""-o {folder}: contains countermeasures of another scene or others of
+                this one; {remedy}""")
         return dict(stored["found"])
 
     def changes(self, values: Mapping[Countermeasure, float]) -> list[str]:
@@ -122,17 +108,15 @@ class Search:
         """
         scene, out = self.scene, [c.override(self.scene, x) for c, x in values.items()]
         constants = {c.key: x for c, x in values.items() if is_constant(c.key)}
-        names = scaled_interfaces(scene) if constants and scene.micro else []
-        behind = {law_material(scene, name) for name in names}
+        names = sampling.scaled_interfaces(scene) if constants and scene.micro else []
+        behind = {sampling.law_material(scene, name) for name in names}
         if not behind.isdisjoint(split_key(key)[1] for key in constants) and scene.micro:
             if len(behind) > 1:
-                raise SceneError(
-                    f"{scene.file}: [micro] is of {' and '.join(sorted(behind))}, and follows none"
-                    " of them alone; run both scenes and use brake-fenicsx compare"
-                )
+                raise SceneError(f"""{scene.file}: [micro] is of {" and ".join(sorted(behind))}, and
+                    follows none of them alone; run both scenes and use brake-fenicsx compare""")
             stiffer = Values(scene, constants)
-            check_values(ROUGH[0], stiffer)
-            factor = law_factor(names[0], stiffer)
+            sampling.check_values(ROUGH[0], stiffer)
+            factor = sampling.law_factor(names[0], stiffer)
             given = {"E": scene.micro.E, "hardness": scene.micro.hardness}
             out += [f'micro.{n}="{v * factor!r} Pa"' for n, v in given.items() if v is not None]
         return out
@@ -143,7 +127,7 @@ class Search:
         if self._latest is None or self._latest[0] != ranges:
             self.release()
             runs = self.runs
-            folder = runs.folder / "models" / digest(ranges)[:12]
+            folder = runs.folder / "models" / files.digest(ranges)[:12]
             model = prepare(runs.file, runs.overrides, folder, runs.cache, ranges, runs.comm)
             self._latest = ranges, model
         return Trial(self._latest[1].study, worst, self.runs.comm, levers[0])
@@ -160,7 +144,7 @@ class Search:
 
         def search() -> None:
             trial, ends = self.trial(worst, c), (c.start, c.stop)
-            found["first_order"] = on_first(partial(trial.slope, *ends), self.runs.comm)
+            found["first_order"] = processes.on_first(partial(trial.slope, *ends), self.runs.comm)
             change = smallest_change(trial.outcomes, ends, len(worst.samples), STEPS, ACCURACY)
             found.update(value=change.value, share=[change.share.hits, change.share.n])
 
@@ -172,7 +156,7 @@ class Search:
         self.found[name] = found
         if self.runs.comm.rank == 0:
             content = {"mark": self._mark, "found": self.found}
-            Store(self.runs.folder).save_json(OUTCOMES, content)
+            store.Store(self.runs.folder).save_json(OUTCOMES, content)
 
     def worst(self) -> Worst | None:
         """Run the scene as it is: its worst family, None where nothing is to stop; collective.
@@ -181,7 +165,7 @@ class Search:
             BrakeError: the run failed.
         """
         before, approach = self.runs.run("before"), self.approach
-        worst = on_first(lambda: worst_family(read_run(before), approach), self.runs.comm)
+        worst = processes.on_first(lambda: worst_family(read_run(before), approach), self.runs.comm)
         if worst is None or few(worst.count.share.hits, worst.count.share.n):
             logger.info(
                 "%s: no family squeals in more than %.0f %% of the samples; there is nothing to"
@@ -189,10 +173,8 @@ class Search:
             )  # fmt: skip
             return None
         share = worst.count.share
-        logger.info(
-            "worst family: %.0f Hz, squeals in %d of %d samples", worst.count.frequency, share.hits,
-            share.n,
-        )  # fmt: skip
+        said = "worst family: %.0f Hz, squeals in %d of %d samples"
+        logger.info(said, worst.count.frequency, share.hits, share.n)
         return worst
 
     def verified(
@@ -209,16 +191,14 @@ class Search:
         if folder is None:
             return {"verified": "no"}, [f"the run failed: {note}"]
         before = self.runs.folder / "before"
-        after, loud = on_first(lambda: _compared(before, folder, worst), self.runs.comm)
+        after, loud = processes.on_first(lambda: _compared(before, folder, worst), self.runs.comm)
         shown = limits(after.hits, after.n)[1] <= MOST
         notes = ["other modes squeal"] if not few(loud.hits, loud.n) else []
         if not few(after.hits, after.n):
             notes = ["the run does not confirm the search"]
         more = None if shown else needed(after.hits, after.n)
-        return {
-            **share_cells(after), "any_after": loud.value, "verified": "yes" if shown else "no",
-            "samples_needed": more,
-        }, notes  # fmt: skip
+        cells = {"any_after": loud.value, "verified": "yes" if shown else "no"}
+        return {**share_cells(after), **cells, "samples_needed": more}, notes
 
 
 def find_countermeasures(
@@ -261,7 +241,7 @@ def find_countermeasures(
     rows = [_row(search, c, worst, rank) for rank, c in enumerate(ranked, 1)]
     if comm.rank == 0:
         print(countermeasures_text(rows))
-    return on_first(lambda: write_countermeasures(search.runs.folder, worst, rows), comm)
+    return processes.on_first(lambda: write_countermeasures(search.runs.folder, worst, rows), comm)
 
 
 def _row(search: Search, c: Countermeasure, worst: Worst, rank: int) -> Row:

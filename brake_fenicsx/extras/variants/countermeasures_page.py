@@ -1,14 +1,10 @@
 """Table and page of countermeasures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 
 from brake_fenicsx.report.page_blocks import Table, Text
-from brake_fenicsx.results.answer import share_text
-from brake_fenicsx.results.ensemble_statistics import Proportion
-from brake_fenicsx.results.tables import Value, text_table, write_rows
+from brake_fenicsx.results import answer, ensemble_statistics, tables
 from brake_fenicsx.scene.units import quantity_text
 
 from .page import Row, ShareChange, page_of_changes, picture_of
@@ -38,7 +34,7 @@ def write_countermeasures(folder: Path, worst: Worst, rows: Sequence[Row]) -> Pa
     Returns:
         The page.
     """
-    write_rows(folder / "countermeasures.csv", COLUMNS, rows)
+    tables.write_rows(folder / "countermeasures.csv", COLUMNS, rows)
     caption = (
         "Share of samples that squeal now and after each change, with its 90 % interval. Dotted:"
         f" {100 * MOST:.0f} %."
@@ -88,21 +84,21 @@ def countermeasures_text(rows: Sequence[Row]) -> str:
     Args:
         rows: of countermeasures.csv.
     """
-    return text_table(HEADS, [_shown(row) for row in rows])
+    return tables.text_table(HEADS, [_shown(row) for row in rows])
 
 
-def _shown(row: Row) -> list[Value]:
+def _shown(row: Row) -> list[tables.Value]:
     first, after = row["first_order"], [row[name] for name in AFTER]
     return [
         row["rank"], row["key"], _quantity(row, "value_scene"), _quantity(row, "value_to"),
         "-" if first is None else f"{first:+.3g}", _quantity(row, "smallest_value"),
         percent_text(row["share_before"]), percent_text(after[0]) if after[1] is None else
-        share_text(*after), percent_text(row["any_before"]), percent_text(row["any_after"]),
+        answer.share_text(*after), percent_text(row["any_before"]), percent_text(row["any_after"]),
         verified_text(row), row["note"],
     ]  # fmt: skip
 
 
-def share_cells(share: Proportion) -> Row:
+def share_cells(share: ensemble_statistics.Proportion) -> Row:
     """Cells of a share after a change, with the ends that the search itself goes by."""
     ends = limits(share.hits, share.n) if share.n > 1 else (None, None)
     return dict(zip(AFTER, (share.value, *ends), strict=True))

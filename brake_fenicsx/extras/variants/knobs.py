@@ -4,8 +4,6 @@ A resolution has two refinements of one ratio, so that an order of convergence c
 choice has other readings of the same physics. A knob that a scene does not use says why.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,9 +11,9 @@ from itertools import chain
 
 from brake_fenicsx.checks import MIN_PIXELS
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.contact_section import MAX_PIXELS
 from brake_fenicsx.scene.keys import dotted
 from brake_fenicsx.scene.stability_section import NEWTON
-from brake_fenicsx.scene.surface_section import MAX_PIXELS
 
 RESOLUTION, CHOICE = "resolution", "choice"
 MESH, FINER, PIXELS = 1.25, 2.0, 2.0**0.5

@@ -1,7 +1,5 @@
 """Runs of a scene with some keys replaced, each in a folder of its own below one."""
 
-from __future__ import annotations
-
 import gc
 import json
 import resource
@@ -15,10 +13,8 @@ from mpi4py import MPI
 
 from brake_fenicsx import pipeline
 from brake_fenicsx.errors import BrakeError, StorageError
-from brake_fenicsx.folder.files import digest
+from brake_fenicsx.folder import files, processes, store
 from brake_fenicsx.folder.log import logger, start_log
-from brake_fenicsx.folder.processes import TimeUp, limited, on_first, release_memory
-from brake_fenicsx.folder.store import Store
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import result_digest
 
@@ -46,7 +42,7 @@ class Runs:
         """Read what an earlier call recorded; nothing is written."""
         self.file, self.comm, self.folder, self.overrides = file, comm, folder, list(overrides)
         self.cache = Path(cache) if cache else folder / "cache"
-        self.record: dict[str, dict[str, Any]] = on_first(self._recorded, comm)
+        self.record: dict[str, dict[str, Any]] = processes.on_first(self._recorded, comm)
         self._held = comm.allreduce(_resident())
 
     def _recorded(self) -> dict[str, dict[str, Any]]:
@@ -83,11 +79,11 @@ class Runs:
         logger.info("%s ...", folder)
         left, start = self.comm.allreduce(_resident()) - self._held, time.perf_counter()
         try:
-            with limited(limit, self.comm):
+            with processes.limited(limit, self.comm):
                 done = pipeline.run(
                     self.file, self.comm, folder, [*self.overrides, *changes], cache=self.cache
                 )
-        except TimeUp:
+        except processes.TimeUp:
             took = time.perf_counter() - start
             raise BrakeError(f"stopped after {took:.0f} s, no time is left") from None
         finally:
@@ -98,12 +94,12 @@ class Runs:
         entry = {"memory_mb": round(peak - max(left, 0.0)), "seconds": seconds}
         self.record[name] = self.comm.bcast(entry | {"asked": self._asked(changes)}, root=0)
         if kept:
-            Store(self.folder).save_json(RECORD, self.record)
+            store.Store(self.folder).save_json(RECORD, self.record)
         return folder
 
     def _asked(self, changes: Sequence[str]) -> str:
         scene = self.read(changes)
-        return digest([result_digest(scene), scene.table])
+        return files.digest([result_digest(scene), scene.table])
 
 
 def or_note(work: Callable[[], T]) -> tuple[T | None, str]:
@@ -124,7 +120,7 @@ def _resident() -> float:
     of PETSc are destroyed on all processes together, as MPI asks for.
     """
     gc.collect()
-    release_memory()
+    processes.release_memory()
     with suppress(OSError):  # Where the system is no Linux, nothing is taken off.
         Path("/proc/self/clear_refs").write_text("5", "utf-8")
         pages = int(Path("/proc/self/statm").read_text("utf-8").split()[1])

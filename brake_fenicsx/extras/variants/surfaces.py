@@ -12,27 +12,19 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.micro.law import LawLibrary, LawSteps
 from brake_fenicsx.micro.library import PRESSURES
-from brake_fenicsx.report import style
-from brake_fenicsx.report.contact_figures import settings_of
-from brake_fenicsx.report.page_blocks import Block, Picture, Table, Text
-from brake_fenicsx.report.surface_figures import bearing_curves
-from brake_fenicsx.report.surface_page import parameters
+from brake_fenicsx.report import contact_figures, page_blocks, style, surface_figures, surface_page
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.tables import Value, text_table
 
 Runs = tuple[RunData, RunData]
-COLUMNS = (
-    "quantity", "unit", "pressure_Pa", "a", "a_error", "b", "b_error", "ratio", "ratio_error",
-    "standard_errors",
-)  # fmt: skip
-HEADS = (
-    "quantity", "A", "standard error", "B", "standard error", "B / A", "standard error",
-    "difference / standard error", "unit",
-)  # fmt: skip
+BOTH = "a", "a_error", "b", "b_error", "ratio", "ratio_error", "standard_errors"
+COLUMNS = "quantity", "unit", "pressure_Pa", *BOTH
+SHOWN = "A", "standard error", "B", "standard error", "B / A", "standard error"
+HEADS = "quantity", *SHOWN, "difference / standard error", "unit"
 # What a library says of its laws at a pressure: its name, unit, SI in it, attribute.
 AT = (
     ("separation", "µm", 1e6, "d"),
@@ -60,7 +52,7 @@ def surface_rows(runs: Runs) -> list[list[Value]]:
 
 
 def _parameters(runs: Runs) -> Iterator[list[Value]]:
-    a, b = ({p.key: p for p in parameters(run)} for run in runs)
+    a, b = ({p.key: p for p in surface_page.parameters(run)} for run in runs)
     for name in (name for name in a if name in b and name not in SHIFTED):
         one, two = a[name], b[name]
         yield [name, one.unit, None, *_beside(one.value, one.error, two.value, two.error)]
@@ -107,7 +99,7 @@ def differing(rows: Sequence[Sequence[Value]]) -> str:
     )
 
 
-def _median(values: NDArray | None, factor: float) -> tuple[float | None, float | None]:
+def _median(values: AnyArray | None, factor: float) -> tuple[float | None, float | None]:
     """Median of laws and its standard error, from the order of their values."""
     if values is None:
         return None, None
@@ -134,7 +126,7 @@ def _library(run: RunData) -> LawLibrary | None:
     return LawLibrary(**arrays)
 
 
-def surface_blocks(runs: Runs, rows: Sequence[Sequence[Value]]) -> list[Block]:
+def surface_blocks(runs: Runs, rows: Sequence[Sequence[Value]]) -> list[page_blocks.Block]:
     """What a page says of two surfaces: spectra, and the table of parameters and laws.
 
     Args:
@@ -147,10 +139,10 @@ def surface_blocks(runs: Runs, rows: Sequence[Sequence[Value]]) -> list[Block]:
         " several scans of one surface differ."
     )
     return [
-        *([Text(sentence)] if (sentence := differing(rows)) else []),
-        Picture(style.drawn(lambda: draw_surfaces(runs)), CAPTION),
-        Text(f"{text} Laws of contact: {'; '.join(said)}." if said else text),
-        Table.without_empty(HEADS, list(_cells(rows))),
+        *([page_blocks.Text(sentence)] if (sentence := differing(rows)) else []),
+        page_blocks.Picture(style.drawn(lambda: draw_surfaces(runs)), CAPTION),
+        page_blocks.Text(f"{text} Laws of contact: {'; '.join(said)}." if said else text),
+        page_blocks.Table.without_empty(HEADS, list(_cells(rows))),
     ]
 
 
@@ -171,7 +163,7 @@ def _cells(rows: Sequence[Sequence[Value]]) -> Iterator[list[Value]]:
 
 def _made(run: RunData) -> str:
     """Number of laws, modulus and hardness."""
-    settings, n = settings_of(run.laws or {}), len((run.laws or {})["count"])
+    settings, n = contact_figures.settings_of(run.laws or {}), len((run.laws or {})["count"])
     hard, modulus = settings.get("hardness"), settings.get("E_star", np.nan)
     said = f"hardness {hard / 1e6:.4g} MPa" if hard else "no hardness (elastic)"
     return f"{n} laws, E* {modulus / 1e6:.4g} MPa, {said}"
@@ -187,10 +179,10 @@ def draw_surfaces(runs: Runs) -> style.Figure:
             q, C = (s["q"], s["C"]) if "q" in s else (s["spectrum_q"], s["spectrum_C"])
             spectrum.loglog(q / 1e3, C, **looks)
             if "heights" in s:
-                share, heights, _ = bearing_curves(s)
+                share, heights, _ = surface_figures.bearing_curves(s)
                 bearing.plot(100 * share, 1e6 * heights, **looks)
         if (library := _library(run)) is not None:
-            p: NDArray = np.geomspace(PRESSURES[0], PRESSURES[-1], 40)
+            p: AnyArray = np.geomspace(PRESSURES[0], PRESSURES[-1], 40)
             v = [np.quantile(np.asarray(library.at_pressure(x).v), [0.05, 0.5, 0.95]) for x in p]
             low, middle, high = np.array(v).T / 1e9
             stiffness.fill_between(p / 1e6, low, high, color=colour, alpha=0.2, lw=0)

@@ -11,8 +11,8 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Ints
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
@@ -31,8 +31,8 @@ from .page import Row, page_of_changes
 from .trial import MOST, Worst, allowed, limits
 
 MOST_POINTS = 50  # along one side
-COLUMNS = ("value_1", "value_2", "squeal", "samples", "share", "share_low", "share_high", "enough",
-           "smallest")  # fmt: skip
+SHARE = "squeal", "samples", "share", "share_low", "share_high"
+COLUMNS = "value_1", "value_2", *SHARE, "enough", "smallest"
 HEADS = ("smallest change of both", "samples that squeal (exact 90 % interval)",
          "in a run with it", "any family", "verified by a run", "note")  # fmt: skip
 
@@ -49,8 +49,8 @@ class Grid:
     """
 
     levers: tuple[Countermeasure, Countermeasure]
-    values: tuple[NDArray[np.float64], NDArray[np.float64]]
-    hits: NDArray[np.int64]
+    values: tuple[Array, Array]
+    hits: Ints
     samples: int
 
     @property
@@ -60,8 +60,8 @@ class Grid:
         Of equal ones that after which fewer samples squeal; None where none is enough.
         """
         steps = np.add.outer(np.arange(len(self.hits)), np.arange(self.hits.shape[1]))
-        cost = np.where(self.hits <= allowed(self.samples), steps + self.hits / self.samples / 2,
-                        np.inf)  # fmt: skip
+        share = self.hits / self.samples
+        cost = np.where(self.hits <= allowed(self.samples), steps + share / 2, np.inf)
         i, j = np.unravel_index(int(np.argmin(cost)), cost.shape)
         return (int(i), int(j)) if np.isfinite(cost[i, j]) else None
 
@@ -100,10 +100,8 @@ def find_together(
     named = {c.key: c for c in search.scene.section("countermeasures")}
     keys = [dotted(*key_parts(key)) for key in keys]
     if len({*keys}) != 2 or not named.keys() >= {*keys}:
-        raise SceneError(
-            f"--together {' '.join(keys)}: name two of the scene's countermeasures,"
-            f" {', '.join(named)}"
-        )
+        raise SceneError(f"""--together {" ".join(keys)}: name two of the scene's countermeasures,
+            {", ".join(named)}""")
     if points not in range(2, MOST_POINTS + 1):
         raise SceneError(f"--points {points}: give 2 to {MOST_POINTS} values of each number")
     # Along the first one, samples begin at each other's equilibria.

@@ -1,12 +1,9 @@
-"""The worst family of squeal modes of a run, and the same family in changed samples.
+"""The worst family of squeal modes of a run, and the smallest change of a number that quiets it.
 
 Modes of changed samples get their family by shape, as those of a sweep do. The shapes of the run's
 families are taken to the brake at hand by the nearest nodes, so that its mesh may be another one.
-
-The smallest change of a number after which hardly any sample squeals, by search.
+The smallest change after which hardly any sample squeals is found by search.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -16,21 +13,19 @@ from types import MappingProxyType
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import beta, binom
 
+from brake_fenicsx.arguments import AnyArray
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.mac import mac
-from brake_fenicsx.results.ensemble_statistics import Proportion, wilson
-from brake_fenicsx.results.families import known_numbers, shapes_at_dofs
+from brake_fenicsx.results import ensemble_statistics, families, squeal
 from brake_fenicsx.results.run import RunData
-from brake_fenicsx.results.squeal import Family, squeals
 from brake_fenicsx.samples.numbering import dof_places
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene.units import quantity_text
-from brake_fenicsx.sweeps.state import Points, State, likeness
+from brake_fenicsx.sweeps.matching import Points, State, likeness
 
 from .comparison import shapes_of
 from .countermeasure_keys import Countermeasure
@@ -56,11 +51,11 @@ class Worst:
         threshold: a mode squeals where its damping lies below minus this.
     """
 
-    count: Family
-    any: Proportion
+    count: squeal.Family
+    any: ensemble_statistics.Proportion
     samples: list[int]
     loud: list[int]
-    shapes: dict[str, NDArray]
+    shapes: dict[str, AnyArray]
     column: int
     threshold: float
 
@@ -76,12 +71,11 @@ def worst_family(run: RunData, approach: str) -> Worst | None:
         return None
     found = [f for f in run.squeal.families(approach) if f.key >= 0]
     if not found or shapes is None:
-        raise SceneError(
-            f"{run.directory}: modes of a single sample belong to no family; raise samples.n"
-        )
+        raise SceneError(f"""{run.directory}: modes of a single sample belong to no family; raise
+            samples.n""")
     worst = max(found, key=lambda f: (f.share.value, -f.median))
     loud = sorted({*run.squeal.squeal_modes(approach, worst.key)["sample"]})
-    every = wilson(modes["sample"].nunique(), worst.share.n)
+    every = ensemble_statistics.wilson(modes["sample"].nunique(), worst.share.n)
     samples = [int(k) for k in run.squeal.good(approach)]
     column = int(np.flatnonzero(shapes["families"] == worst.key)[0])
     return Worst(worst, every, samples, loud, shapes, column, run.threshold)
@@ -101,7 +95,7 @@ class Trial:
         """
         self._study, self._worst, self._comm, self._lever = study, worst, comm, lever
         places = dof_places(study.brake, study.models.numbering.body)
-        shapes = shapes_at_dofs(worst.shapes, places)
+        shapes = families.shapes_at_dofs(worst.shapes, places)
         found = study.models.coordinates.of(shapes)
         if found is None:
             raise ValueError("a scene with a sweep has coordinates")
@@ -143,8 +137,8 @@ class Trial:
         """
         verdict = np.where(state.verdict == "neutral", "unstable", state.verdict)
         known = {"verdict": verdict, "damping": state.damping}
-        modes = np.flatnonzero(squeals(known, self._worst.threshold))
-        numbers = known_numbers(mac(self._known, state.right[:, modes]))
+        modes = np.flatnonzero(squeal.squeals(known, self._worst.threshold))
+        numbers = families.known_numbers(mac(self._known, state.right[:, modes]))
         return [int(i) for i, n in zip(modes, numbers, strict=True) if n == self._worst.column]
 
     def slope(self, start: float, stop: float) -> float | None:
@@ -173,7 +167,7 @@ class Change:
     """
 
     value: float | None
-    share: Proportion
+    share: ensemble_statistics.Proportion
 
 
 def few(hits: int, samples: int) -> bool:
@@ -250,8 +244,8 @@ def smallest_change(
                 x, count = middle, there
             else:
                 before = middle
-        return Change(x, wilson(count, samples))
-    return Change(None, wilson(sum(outcomes(stop)), samples))
+        return Change(x, ensemble_statistics.wilson(count, samples))
+    return Change(None, ensemble_statistics.wilson(sum(outcomes(stop)), samples))
 
 
 def _short(x: float) -> float:

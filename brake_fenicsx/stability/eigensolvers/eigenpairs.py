@@ -1,20 +1,17 @@
 """Eigenpairs by block Arnoldi, and their checks: residual, backward error, condition, error, pairs.
 
 The problem is P(lambda) phi = 0 and psi^H P(lambda) = 0, P(lambda) = lambda^2 M + lambda C + K;
-without damping kappa = -lambda^2 and K phi = kappa M phi.
+without damping kappa = -lambda^2 and K phi = kappa M phi. Complex columns are treated in real
+arithmetic, without complex copies of real matrices or Krylov bases.
 
-Reference: F. Tisseur, Linear Algebra Appl. 309 (2000) 339, doi:10.1016/S0024-3795(99)00063-4.
-
-Largest eigenpairs of a real operator by block Arnoldi: those of a pencil nearest to a shift.
-
-Of K x = kappa M x with A = (K - sigma M)^-1 M, whose eigenvalues are 1 / (kappa - sigma), or of a
+Block Arnoldi finds the largest eigenpairs of a real operator, those of a pencil nearest to a shift:
+of K x = kappa M x with A = (K - sigma M)^-1 M, whose eigenvalues are 1 / (kappa - sigma), or of a
 linearised quadratic problem. Blocks, because a factor solves many right-hand sides for the price of
 a few; small ones, because 32 vectors at once need twice the Krylov space of 8.
 
-Reference: Y. Saad, Numerical Methods for Large Eigenvalue Problems, 2nd ed., chapter 6 (2011),
+References: F. Tisseur, Linear Algebra Appl. 309 (2000) 339, doi:10.1016/S0024-3795(99)00063-4;
+Y. Saad, Numerical Methods for Large Eigenvalue Problems, 2nd ed., chapter 6 (2011),
 doi:10.1137/1.9781611970739.
-
-Complex columns in real arithmetic: without complex copies of real matrices or Krylov bases.
 """
 
 from collections.abc import Callable
@@ -171,11 +168,7 @@ def nearest_modes(
 
 
 def _polished(
-    apply: Callable[[Array], Array],
-    V: Array,
-    sigma: float,
-    theta: Complex,
-    s: Complex,
+    apply: Callable[[Array], Array], V: Array, sigma: float, theta: Complex, s: Complex
 ) -> tuple[Complex, Complex]:
     """Eigenvalues and vectors, one of each conjugate pair, once more through A.
 

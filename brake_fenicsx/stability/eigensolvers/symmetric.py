@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from brake_fenicsx.arguments import Array, Mask
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.folder.processes import release_memory
-from brake_fenicsx.macro.condensation import Solves
+from brake_fenicsx.macro.equilibrium import Solves
 from brake_fenicsx.macro.solver import BlockProduct, Factor
 
 from .eigenpairs import combined, shares
@@ -219,11 +219,7 @@ def _polished(
 
 
 def lowest_modes(
-    factor: Solves,
-    M: sp.csr_matrix,
-    cutoff: float,
-    tolerance: float = 1e-9,
-    expected: int = 0,
+    factor: Solves, M: sp.csr_matrix, cutoff: float, tolerance: float = 1e-9, expected: int = 0
 ) -> RealModes:
     """All modes of the pencil whose stiffness is factored up to a distance from zero.
 

@@ -24,13 +24,10 @@ from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import whole
 
 from ..modes import Modes, relative_errors
-from .component import originals_and_images
+from . import component, reduced_model, sample, substructure
 from .contact_rows import SIGMA, ContactLinearisation, Rows
 from .parameters import BETWEEN, CONSTANT, Parameters
-from .reduced_model import ReducedModel
 from .reduction import Reduction, kept_modes
-from .sample import SAFETY
-from .substructure import Substructure, split_substructures
 
 # Relative error that five points in kappa reach, with degree 4 over a box of materials, and how
 # much one degree and one point more gain: measured on two blocks in perfect contact, moduli +-20 %.
@@ -56,7 +53,7 @@ MARGIN, ALIKE = 0.7, 0.1
 
 
 def reduce_bodies(
-    substructures: Sequence[Substructure],
+    substructures: Sequence[substructure.Substructure],
     w: ArrayLike,
     band: tuple[float, float],
     parameters: Parameters = CONSTANT,
@@ -67,7 +64,7 @@ def reduce_bodies(
     comm: MPI.Comm = MPI.COMM_SELF,
     progress: Callable[[int], Callable[[int], None]] = lambda total: lambda done: None,
     keep: Callable[[dict[str, AnyArray]], Mapping[str, AnyArray]] | None = None,
-) -> ReducedModel:
+) -> reduced_model.ReducedModel:
     """Reduce the bodies of a brake; collective.
 
     Args:
@@ -100,7 +97,7 @@ def reduce_bodies(
     rows, omega = Rows(followed, damped), 2 * np.pi * band[1]
     degrees = _degrees(tolerance, rows)
     reach = None if cutoff is None else cutoff / band[1]
-    bodies, images = originals_and_images(substructures, parameters)
+    bodies, images = component.originals_and_images(substructures, parameters)
     modes = [
         *in_turns(len(bodies), lambda i: kept_modes(bodies[i], parameters, omega, reach), comm)
     ]
@@ -126,10 +123,10 @@ def reduce_bodies(
         seconds = time.perf_counter() - start
         return {**arrays, "damped": np.array(damped), "seconds": np.array(seconds)}
 
-    def made(orders: Index) -> ReducedModel:
+    def made(orders: Index) -> reduced_model.ReducedModel:
         arrays = computed(orders)
         held = _on_all(arrays, comm) if keep is None else keep(arrays)
-        return ReducedModel(held, w, band, parameters)
+        return reduced_model.ReducedModel(held, w, band, parameters)
 
     def points(orders: Index) -> int:
         return max(reduction.points for reduction in planned(orders))
@@ -207,8 +204,8 @@ class Reduced:
                 raise SceneError(f"{name}: shape {value.shape}; give one value, or one per element")
             if not (np.all(np.isfinite(value)) and np.all(value > 0)):
                 raise SceneError(f"{name} = {np.min(value):.3g}: positive finite values are needed")
-        bodies = split_substructures(own, whole(M), {"N": N.tocsr(), "T": T.tocsr()})
-        self.model: ReducedModel = reduce_bodies(
+        bodies = substructure.split_substructures(own, whole(M), {"N": N.tocsr(), "T": T.tocsr()})
+        self.model: reduced_model.ReducedModel = reduce_bodies(
             bodies, areas, band, tolerance=tolerance, comm=comm
         )
 
@@ -257,7 +254,7 @@ class Shortfall:
 
 
 def shortfall(
-    model: ReducedModel, contact: ContactLinearisation, tolerance: float
+    model: reduced_model.ReducedModel, contact: ContactLinearisation, tolerance: float
 ) -> Shortfall | None:
     """What a model lacks; None where the tolerance holds at the points asked, or no range is why.
 
@@ -282,7 +279,7 @@ def shortfall(
 
 
 def higher(
-    model: ReducedModel,
+    model: reduced_model.ReducedModel,
     contact: ContactLinearisation,
     tolerance: float,
     points: Callable[[Index], int],
@@ -327,7 +324,7 @@ def higher(
     return None
 
 
-def _errors(model: ReducedModel, contact: ContactLinearisation) -> Array:
+def _errors(model: reduced_model.ReducedModel, contact: ContactLinearisation) -> Array:
     """Estimated errors of modes over |lambda| at the centre, between anchors and at corners."""
     between = np.resize(BETWEEN, model.parameters.dimension)
     errors = []
@@ -338,12 +335,12 @@ def _errors(model: ReducedModel, contact: ContactLinearisation) -> Array:
     return np.asarray(every[~np.isnan(every)])
 
 
-def _of_each_parameter(model: ReducedModel, contact: ContactLinearisation) -> Array:
+def _of_each_parameter(model: reduced_model.ReducedModel, contact: ContactLinearisation) -> Array:
     """What the highest degree in each parameter makes of the stated errors, shape (d,)."""
     dimension = model.parameters.dimension
     # z is lambda or its square, but for a shift.
     rates, out = model.rows.rates, np.zeros(dimension)
-    zero, factor = (-model.rows.shift, SAFETY) if rates else (SIGMA, 0.5 * SAFETY)
+    zero, factor = (-model.rows.shift, sample.SAFETY) if rates else (SIGMA, 0.5 * sample.SAFETY)
     for j in range(dimension):
         largest = [0.0]
         for side in (BETWEEN[0], -BETWEEN[0]):

@@ -29,11 +29,10 @@ from brake_fenicsx.errors import InaccurateResult
 
 from ..eigensolvers.eigenpairs import on_parts
 from ..modes import Count, Modes
-from .block_matrix import BlockMatrix
 from .contact_rows import SIGMA, ContactLinearisation
 from .polynomials import Zeros, applied, zeros
 from .reduced_model import ReducedModel
-from .sample import Corrected, Sample, corrected
+from .sample import BlockMatrix, Corrected, Sample, corrected
 from .sample_problem import Quotient, SampleProblem
 
 # Values whose vectors are held at most; where so many in a row did not suffice, no more are tried.

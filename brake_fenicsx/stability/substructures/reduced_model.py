@@ -24,12 +24,21 @@ from brake_fenicsx.folder.processes import release_memory
 from ..eigensolvers.eigenpairs import with_conjugates
 from ..modes import Count, Modes, damped_rows, undamped_rows
 from . import vectors
-from .block_matrix import FREE, BlockMatrix, Chosen, assembled, static_compliance
 from .component import AtPoint, Component, Placed, placed
 from .contact_rows import SIGMA, ContactLinearisation, Rows
 from .parameters import CONSTANT, Parameters
 from .polynomials import Zeros, zeros
-from .sample import Corrected, Sample, corrected, moved_by_others
+from .sample import (
+    FREE,
+    BlockMatrix,
+    Chosen,
+    Corrected,
+    Sample,
+    assembled,
+    corrected,
+    moved_by_others,
+    static_compliance,
+)
 from .sample_problem import Quotient
 
 # Zeros are corrected up to this multiple of the band's end: at the reference brake those of the
@@ -154,7 +163,7 @@ class ReducedModel:
             k0: typical stiffness of the contact elements [Pa/m], shape (elements,), positive.
 
         Returns:
-            NN, NT and one column of Nf for each load, see ``macro.condensation.Compliance``.
+            NN, NT and one column of Nf for each load, see ``macro.equilibrium.Compliance``.
         """
         x = np.asarray(p, float)
         if (key := x.tobytes() + k0.tobytes()) not in self._rest:

@@ -16,12 +16,11 @@ from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers.symmetric import complete, count_below, modes_not_counted
-from .component import interface_at, matrices
+from .component import Complement, SeenBody, interface_at, matrices
 from .contact_rows import SIGMA, Rows
 from .parameters import InterpolatedCoefficients, Parameters
 from .polynomials import Polynomial, imaginary_points, real_points
 from .sample_problem import ROUND_OFF
-from .seen_body import Complement, SeenBody
 from .substructure import Substructure
 
 # The poles of what the kept modes leave out lie beyond this multiple of the square of the band's
@@ -164,10 +163,8 @@ class Reduction:
         K, C, M = self._matrices(i)
         shares = proportional(K, C, M)
         interface = interface_at(self._body, self._parameters, self._place(i))
-        body = SeenBody(
-            K, C if shares is None else None, M, self._W, self._MW, interface, self._body.loads,
-            self._rows, self._coupled,
-        )  # fmt: skip
+        given = interface, self._body.loads, self._rows, self._coupled
+        body = SeenBody(K, C if shares is None else None, M, self._W, self._MW, *given)
         points = self._points if shares is None else np.sqrt(-self._real + 0j)
 
         def work(j: int) -> AnyArray:
@@ -306,10 +303,8 @@ def _lowest_pole(
         K.shape, lambda b: complement.solve(b.reshape(-1, 1)).ravel(), dtype=float
     )
     start = inverse @ np.ones(K.shape[0])
-    (found,) = eigsh(
-        K, 1, M, sigma=-SIGMA, OPinv=inverse, v0=start, tol=POLE_TOLERANCE,
-        return_eigenvectors=False,
-    )  # fmt: skip
+    near = {"sigma": -SIGMA, "OPinv": inverse, "v0": start, "tol": POLE_TOLERANCE}
+    (found,) = eigsh(K, 1, M, return_eigenvectors=False, **near)
     complement.factor.destroy()
     return float(found)
 

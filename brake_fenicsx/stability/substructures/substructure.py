@@ -157,12 +157,10 @@ class Substructure:
             for name in arrays
             if name.startswith("change") and name.endswith(".data")
         ]
-        return cls(
-            arrays["dofs"], arrays["elements"], matrix("K"), matrix("M"),
-            matrix("C") if "C.data" in arrays else None,
-            {name: matrix(name) for name in "NTR" if f"{name}.data" in arrays}, arrays["loads"],
-            {j: matrix(f"change{j}") for j in numbers},
-        )  # fmt: skip
+        rows = {name: matrix(name) for name in "NTR" if f"{name}.data" in arrays}
+        matrices = matrix("K"), matrix("M"), matrix("C") if "C.data" in arrays else None
+        changes = {j: matrix(f"change{j}") for j in numbers}
+        return cls(arrays["dofs"], arrays["elements"], *matrices, rows, arrays["loads"], changes)
 
 
 def split_substructures(
@@ -213,13 +211,9 @@ def split_substructures(
             damping.eliminate_zeros()
             # What changes may become damped.
             damping = damping if damping.nnz or own else None
-        found.append(
-            Substructure(
-                dofs, elements, block(K, dofs), block(M, dofs), damping,
-                {name: A[elements] for name, A in rows.items()}, loads[dofs], own,
-                None if points is None else points[dofs],
-            )
-        )  # fmt: skip
+        seen = {name: A[elements] for name, A in rows.items()}
+        rest = seen, loads[dofs], own, None if points is None else points[dofs]
+        found.append(Substructure(dofs, elements, block(K, dofs), block(M, dofs), damping, *rest))
     return found
 
 

@@ -25,12 +25,10 @@ from brake_fenicsx.folder.processes import in_turns, release_memory
 from brake_fenicsx.iteration import Steps, sizes
 
 from ..eigensolvers.eigenpairs import on_parts, times
-from .block_matrix import Chosen, assembled
-from .component import Component, Placed
+from .component import Complement, Component, Placed
 from .contact_rows import Rows
 from .polynomials import applied
-from .sample import Sample
-from .seen_body import Complement
+from .sample import Chosen, Sample, assembled
 
 # Steps at most for motions and for vectors, and the relative error at which they end.
 STEPS, SETTLED = 200, 1e-8

@@ -4,8 +4,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from brake_fenicsx.extras.dynamometer.outcomes import EVENT, by_family, match, occurrence
-from brake_fenicsx.extras.dynamometer.scores import scores, shares_by_threshold, with_intervals
+from brake_fenicsx.extras.dynamometer.outcomes import (
+    EVENT,
+    by_family,
+    match,
+    occurrence,
+    scores,
+    shares_by_threshold,
+    with_intervals,
+)
 
 DRAWS, SAMPLES, STATES = 200, 100, 12
 

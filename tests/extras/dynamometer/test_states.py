@@ -8,7 +8,7 @@ import pytest
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.dynamometer.states import imposed_gap, read_matrix, state_values
-from brake_fenicsx.macro.gap import EnrichedGap
+from brake_fenicsx.macro.contact_forces import EnrichedGap
 from brake_fenicsx.micro import OneLaw, exponential_law
 from brake_fenicsx.scene import read_scene
 from coarse_block import BLOCK, FRICTION, ROUGH

@@ -23,8 +23,7 @@ from brake_fenicsx.extras.limit_cycle.harmonic_balance import (
     Tangent,
     Vibration,
 )
-from brake_fenicsx.macro.gap import EnrichedGap
-from brake_fenicsx.macro.sliding_friction import SlidingFriction
+from brake_fenicsx.macro.contact_forces import EnrichedGap, SlidingFriction
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
 from oscillators import first_vibration, matrices, no_growth, oscillator, van_der_pol
 

@@ -13,15 +13,17 @@ import pytest
 from brake_fenicsx import prepare, run
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.limit_cycle import cycles as module
-from brake_fenicsx.extras.limit_cycle.cycle_figures import (
+from brake_fenicsx.extras.limit_cycle.cycles import MEASURES, limit_cycles
+from brake_fenicsx.extras.limit_cycle.growth import EXACTLY, verdict
+from brake_fenicsx.extras.limit_cycle.loudness import (
+    CYCLES,
+    FAMILIES,
+    _families,
     cycle_blocks,
     draw_growth,
     draw_loudness,
     loudness_text,
 )
-from brake_fenicsx.extras.limit_cycle.cycle_tables import CYCLES, FAMILIES, _families
-from brake_fenicsx.extras.limit_cycle.cycles import MEASURES, limit_cycles
-from brake_fenicsx.extras.limit_cycle.growth import EXACTLY, verdict
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.scene import read_scene
 from places import SQUEALING

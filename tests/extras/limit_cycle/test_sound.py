@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import j1
 
-from brake_fenicsx.extras.limit_cycle.sound import DENSITY, SOUND, Nodes, decibels, sound_power
+from brake_fenicsx.extras.limit_cycle.cycles import DENSITY, SPEED, Nodes, decibels, sound_power
 
 
 def piston(radius, rings, normal=1.0, z=0.0):
@@ -25,11 +25,11 @@ def piston(radius, rings, normal=1.0, z=0.0):
 def test_baffled_piston(ka):
     """P = rho c pi a^2 v^2 (1 - J1(2 k a) / (k a)) / 2."""
     a, v = 0.1, 2e-3
-    omega = ka * SOUND / a
+    omega = ka * SPEED / a
     nodes = piston(a, 24)
     velocity = np.zeros_like(nodes.place, complex)
     velocity[:, 2] = v
-    exact = 0.5 * DENSITY * SOUND * np.pi * a**2 * v**2 * (1 - j1(2 * ka) / ka)
+    exact = 0.5 * DENSITY * SPEED * np.pi * a**2 * v**2 * (1 - j1(2 * ka) / ka)
     assert nodes.power(velocity, omega) == pytest.approx(exact, rel=0.01)
 
 

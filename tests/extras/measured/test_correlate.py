@@ -9,9 +9,9 @@ import pytest
 
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.extras.measured.measured import read_modes
 from brake_fenicsx.extras.measured.part_modes import part_modes, shapes_at
 from brake_fenicsx.extras.measured.study import paired
+from brake_fenicsx.extras.measured.universal import read_modes
 from brake_fenicsx.mac import mac
 from brake_fenicsx.scene import read_scene
 from free_beam import HEIGHT, LENGTH, RHO, E, free_beam

@@ -11,7 +11,6 @@ from brake_fenicsx.cli import main
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.extras.measured.identify import with_constants
 from brake_fenicsx.extras.measured.part_modes import part_modes
-from brake_fenicsx.extras.measured.peaks import read_peaks
 from brake_fenicsx.extras.measured.posterior import (
     NARROW,
     UNHEARD,
@@ -20,6 +19,7 @@ from brake_fenicsx.extras.measured.posterior import (
     fill_basis,
     identified,
     misfit,
+    read_peaks,
 )
 from brake_fenicsx.scene import read_scene
 from places import SCENES
@@ -190,7 +190,7 @@ def test_resonances_of_frequency_responses(tmp_path):
 )
 def test_functions_that_are_no_responses_are_one_line(kind, counts, said, tmp_path, monkeypatch):
     """Histories of time, and responses of two frequency axes; refused before the library reads."""
-    monkeypatch.setattr("brake_fenicsx.extras.measured.peaks.import_module", lambda name: None)
+    monkeypatch.setattr("brake_fenicsx.extras.measured.posterior.import_module", lambda name: None)
     sets = [
         function(np.arange(float(n)), np.ones(n), node, func_type=kind)
         for node, n in enumerate(counts, 1)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.extras.measured.measured import read_mode_sets, read_modes
-from brake_fenicsx.extras.measured.peaks import read_peaks
+from brake_fenicsx.extras.measured.posterior import read_peaks
+from brake_fenicsx.extras.measured.universal import read_mode_sets, read_modes
 
 pytest.importorskip("pyuff")
 # Two complex modes of four points: zeta 1 % and 2 %, 1 and 2.5 kHz; six components.

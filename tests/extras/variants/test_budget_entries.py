@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from brake_fenicsx.extras.variants.budget_page import sentence, worst_family, write_budget_page
-from brake_fenicsx.extras.variants.entries import (
+from brake_fenicsx.extras.variants.budget import (
     COLUMNS,
     bias_and_scatter,
     entries,
@@ -12,6 +11,7 @@ from brake_fenicsx.extras.variants.entries import (
     richardson,
     statistical,
 )
+from brake_fenicsx.extras.variants.budget_page import sentence, worst_family, write_budget_page
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.tables import write_rows
 from run_tables import read_rows

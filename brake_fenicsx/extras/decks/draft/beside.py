@@ -1,29 +1,25 @@
 """What a mesh file holds beside its mesh: what no reader takes, and what a scene should have."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Ints
 from brake_fenicsx.extras.decks.abaqus_scope import find
 from brake_fenicsx.extras.decks.keywords import KNOWN, doubts
-from brake_fenicsx.meshing.filemesh import FileMesh, corners_of
-from brake_fenicsx.meshing.rawmesh import Stated, Unread, facet_keys
+from brake_fenicsx.meshing import filemesh, rawmesh
 
 from .deck import read_deck
 from .statements import Deck
 
-Ints = NDArray[np.int64]
 _SECTIONS = ("ties", "contact", "supports", "loads", "springs", "masses")
 
 
 def beside(
-    file: Path, found: FileMesh, faces: Mapping[str, Ints], used: Iterable[tuple[str, str]]
-) -> Unread:
+    file: Path, found: filemesh.FileMesh, faces: Mapping[str, Ints], used: Iterable[tuple[str, str]]
+) -> rawmesh.Unread:
     """Keywords and elements of a mesh file beside its bodies and faces.
 
     Args:
@@ -42,17 +38,17 @@ def beside(
         for name, table in deck.tables[section].items():
             groups = table.get("faces", [name])
             on = tuple(frozenset(_faces_on(found, faces, group)) for group in groups)
-            stated.append((file.name, Stated(section, f"[{section}] {name}", on)))
-    return Unread((line,) if texts else (), tuple(stated))
+            stated.append((file.name, rawmesh.Stated(section, f"[{section}] {name}", on)))
+    return rawmesh.Unread((line,) if texts else (), tuple(stated))
 
 
-def _texts(found: FileMesh, deck: Deck, sets: Iterable[str], sign: str) -> list[str]:
+def _texts(found: filemesh.FileMesh, deck: Deck, sets: Iterable[str], sign: str) -> list[str]:
     """Elements, but for shells of some sets, and keywords that are not read, with their numbers."""
-    marks = [facet_keys(found.facet_groups[name]) for name in sets]
+    marks = [rawmesh.facet_keys(found.facet_groups[name]) for name in sets]
     marked = np.concatenate([np.zeros(0, dtype=np.uint64), *marks])
     elements = Counter[str]()
     for kind, shells in found.shells.items():
-        keys = facet_keys(np.array([*map(corners_of, shells)]))
+        keys = rawmesh.facet_keys(np.array([*map(filemesh.corners_of, shells)]))
         elements[kind] = int(np.count_nonzero(~np.isin(keys, marked)))
     # What an option adds to a keyword that is read has its line in the scene alone.
     unread = [b for b, why in deck.unread if b.keyword not in KNOWN or why not in doubts(b)[1]]
@@ -69,7 +65,7 @@ def _texts(found: FileMesh, deck: Deck, sets: Iterable[str], sign: str) -> list[
     return texts
 
 
-def _faces_on(found: FileMesh, faces: Mapping[str, Ints], group: str) -> list[str]:
+def _faces_on(found: filemesh.FileMesh, faces: Mapping[str, Ints], group: str) -> list[str]:
     """Faces of the scene all of whose facets are in a group."""
     for kind, table in (("facets", found.facet_groups), ("nodes", found.node_groups)):
         if name := find(table, group):

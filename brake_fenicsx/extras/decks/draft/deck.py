@@ -3,24 +3,21 @@
 Each reader gives the reason why something of its keyword is not taken over, or None.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extras.decks import keywords, nastran
 from brake_fenicsx.extras.decks.abaqus import held_along
-from brake_fenicsx.extras.decks.keywords import HARMLESS, doubts
-from brake_fenicsx.extras.decks.nastran import SHELL_NODES
 from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh, listed
 
 from .materials import ABAQUS, ANSYS, NASTRAN, SHELLS, Reader, of_solids, taken
 from .statements import Deck, Quantity, axis_key, numbers
 
 # Keywords that others refer to, also before they stand in the deck.
-_FIRST = ("COUPLING", "KINEMATIC", "RIGID BODY", "ELEMENT", *SHELL_NODES)
+_FIRST = ("COUPLING", "KINEMATIC", "RIGID BODY", "ELEMENT", *nastran.SHELL_NODES)
 # What an interaction has no more once its keyword is not understood.
 _REPLACED = {"FRICTION": ("friction", "slip"), "SURFACE BEHAVIOR": ("law", "tied")}
 
@@ -41,15 +38,13 @@ def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
         elif sign == "*DLOAD" and float(value) > 0:
             deck.add("loads", name, pressure=Quantity(float(value), "Pa"))
     readers = _READERS.get(suffix, NASTRAN)
-    harmless = HARMLESS["abaqus" if suffix == ".inp" else "nastran"]
+    harmless = keywords.HARMLESS["abaqus" if suffix == ".inp" else "nastran"]
     for block in sorted(mesh.blocks, key=lambda block: block.keyword not in _FIRST):
         if block.keyword in SHELLS and not (solid or of_solids(mesh, block)):
             kinds = ", ".join(f"{len(own)} {kind}" for kind, own in mesh.shells.items())
-            raise SceneError(
-                f"{block.at}: {block.said}: shells ({kinds or 'none are read'}) are no part of a"
-                " scene; add --shells solid, which makes layers of solids of them, or remove this"
-                " line if they only mark a face"
-            )
+            raise SceneError(f"""{block.at}: {block.said}: shells ({kinds or "none are read"}) are
+                no part of a scene; add --shells solid, which makes layers of solids of them, or
+                remove this line if they only mark a face""")
         if block.keyword in harmless:
             continue
         reader = readers.get(block.keyword)
@@ -63,7 +58,7 @@ def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
 
 def _read(deck: Deck, block: DeckKeyword, reader: Reader, abaqus: bool) -> str | None:
     """Read a keyword: why it is not taken over, or None."""
-    why, aside = doubts(block) if abaqus else (None, [])
+    why, aside = keywords.doubts(block) if abaqus else (None, [])
     deck.unread += [(block, text) for text in aside]
     if why is not None:
         deck.forget(*_REPLACED.get(block.keyword, ()))
@@ -158,8 +153,8 @@ def _friction(deck: Deck, block: DeckKeyword) -> str | None:
         static, kinetic, rate = given
         if not rate > 0:
             return f"a decay constant of {rate:g}"
-        own["friction"] = {"static": static, "kinetic": kinetic,
-                           "decay": Quantity(1.0 / rate, "m/s")}  # fmt: skip
+        decay = Quantity(1.0 / rate, "m/s")
+        own["friction"] = {"static": static, "kinetic": kinetic, "decay": decay}
     else:
         # What else stands in the only line of a table is where it holds.
         own["friction"] = Quantity(given[0], "")

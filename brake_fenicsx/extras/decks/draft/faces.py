@@ -1,4 +1,4 @@
-"""Bodies and faces of a mesh file that nobody has named yet: proposals for [mesh.groups].
+"""Bodies and faces of a mesh file that nobody has named yet: groups that are proposed, what moves.
 
 Bodies that share nodes are one part, each set of cells with a material a layer of it. A set of
 nodes or a surface is a face of each part on whose boundary it lies; a facet has one face at most.
@@ -8,26 +8,27 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Container, Iterable
+from collections import defaultdict
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import chain, combinations, count, takewhile
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from brake_fenicsx.arguments import Array, Ints, Mask
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import find
 from brake_fenicsx.meshing.filemesh import FileMesh
 from brake_fenicsx.meshing.groups import layers_of
 from brake_fenicsx.meshing.rawmesh import CORNERS, EDGES, RawMesh, boundary, facet_keys
 from brake_fenicsx.scene.keys import dotted
-from brake_fenicsx.scene.units import several
+from brake_fenicsx.scene.units import quantity_text, several
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from .statements import axis_key
 
 # Names that a program makes, where it has others.
 MADE = re.compile(r"(Volume|Surface|Line)\d+|(.*\.)?_.*|\*.*|D \w+")
@@ -35,6 +36,9 @@ MADE = re.compile(r"(Volume|Surface|Line)\d+|(.*\.)?_.*|\*.*|D \w+")
 APART, OPPOSED = 0.1, -0.9
 # Share of a face that lies on another one, from which contact is proposed.
 TOUCHING = 0.3
+
+# Two sides of a round part differ by this share at most.
+ROUND = 0.02
 
 
 class BoundaryFacets(NamedTuple):
@@ -49,7 +53,7 @@ class BoundaryFacets(NamedTuple):
         """Number of each facet."""
         return facet_keys(self.corners)
 
-    def where(self, which: NDArray[np.bool_]) -> BoundaryFacets:
+    def where(self, which: Mask) -> BoundaryFacets:
         """Some of the facets."""
         return BoundaryFacets(self.corners[which], self.vector[which], self.centre[which])
 
@@ -125,11 +129,10 @@ class FileParts:
         kind, name = next(((kind, name) for kind, name in known if name), ("", ""))
         own = self._on_parts(kind, name) if kind else {}
         whole = any(len(f.corners) == len(self.boundary[p].corners) for p, f in own.items())
+        if not kind:
+            return [], "no surface or set of nodes"
         if not own or whole:
-            return [], (
-                "no surface or set of nodes" if not kind
-                else "the whole boundary of a part" if whole else "no facet of a boundary"
-            )  # fmt: skip
+            return [], "the whole boundary of a part" if whole else "no facet of a boundary"
         names: dict[str, BoundaryFacets] = {}
         for part, face in own.items():
             same, twice = self._known(face)
@@ -265,3 +268,49 @@ def _boundary(mesh: RawMesh, part: str) -> BoundaryFacets:
     away = x.mean(axis=1) - mesh.points[mesh.corners[cells]].mean(axis=1)
     outwards = np.sign(np.einsum("ij,ij->i", vector, away))
     return BoundaryFacets(facets, vector * outwards[:, None], x.mean(axis=1))
+
+
+def moving_part(bodies: FileParts, touching: Iterable[str], stiffness: Mapping[str, float]) -> str:
+    """The part with the largest faces in contact, of equal ones the stiffer: the disc.
+
+    Args:
+        bodies: all parts.
+        touching: faces in contact.
+        stiffness: part -> modulus.
+    """
+    area: dict[str, float] = defaultdict(float)
+    for face in touching:
+        area[face.partition(".")[0]] += bodies.faces[face].areas.sum()
+    return max(area, key=lambda part: (round(area[part], 9), stiffness[part]))
+
+
+def proposed_motion(
+    bodies: FileParts, part: str, touching: Iterable[str]
+) -> tuple[dict[str, Any], str]:
+    """Keys of [motion]: about the middle of a round part, or along the long side of another one.
+
+    Args:
+        bodies: all parts.
+        part: the one that moves.
+        touching: faces in contact.
+    """
+    own = [bodies.faces[face] for face in touching if face.startswith(f"{part}.")]
+    vectors = np.concatenate([face.vector for face in own])
+    weights = np.linalg.norm(vectors, axis=1)
+    _, axes = np.linalg.eigh(vectors.T @ (vectors / weights[:, None]))
+    whole, n = bodies.boundary[part], axes[:, 2]
+    sides = np.ptp(whole.centre @ axes[:, :2], axis=0)
+    if np.ptp(sides) > ROUND * sides.max():
+        along = axes[:, int(np.argmax(sides))]
+        return {"direction": _vector(along)}, f"proposed: the long side of {part}"
+    keys: dict[str, Any] = {"axis": axis_key(_vector(n))}
+    middle = np.average(whole.centre, axis=0, weights=whole.areas)
+    if np.linalg.norm(middle - (middle @ n) * n) > ROUND * sides.max():
+        keys["point"] = [quantity_text(float(x), "m") for x in middle]
+    return keys | {"speed": "5 rad/s"}, f"proposed: across the contact faces of {part}"
+
+
+def _vector(x: Array) -> list[float]:
+    """A direction with rounded components, the largest one 1."""
+    x = np.round(x / x[np.argmax(np.abs(x))], 3)
+    return [float(v) + 0.0 for v in x]

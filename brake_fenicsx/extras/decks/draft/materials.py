@@ -3,8 +3,6 @@
 Each reader gives the reason why something of its keyword is not taken over, or None.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,21 +1,16 @@
 """Shells of a deck as one surface: its normals, and what no layer of solids can be made of."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Ints
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import find
 from brake_fenicsx.meshing.filemesh import FileMesh, corners_of, listed
 from brake_fenicsx.meshing.rawmesh import CORNERS, EDGES, FACETS, facet_keys
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 # Two shells that meet are at most this angle apart [rad]; rims and corners have 90 degrees.
 FOLD = np.radians(110.0)
@@ -101,10 +96,9 @@ def shell_surface(found: FileMesh, sections: Sequence[ShellSection]) -> ShellSur
         own = [j for j, key in enumerate(every) if key in owner and key not in start]
         keys, rows = [every[j] for j in own], rows[own]
         if own and n < sides:
-            raise SceneError(
-                f"{sections[owner[keys[0]]].said}: {len(own)} of its shells are triangles, while"
-                " other elements have faces of 4 corners; mesh them as quadrilaterals"
-            )
+            raise SceneError(f"""{sections[owner[keys[0]]].said}: {len(own)} of its shells are
+                triangles, while other elements have faces of 4 corners; mesh them as
+                quadrilaterals""")
         second = curved and rows.shape[1] > n
         middle = rows[:, n:] if second else np.full((len(own), n), -1)
         centre = np.full(len(own), -1)
@@ -181,10 +175,8 @@ def check_edges(surface: ShellSurface, sections: Sequence[ShellSection]) -> None
     for facet, corner in np.argwhere(other)[:1]:
         node = surface.corners[facet, corner]
         a, b = sections[surface.section[facet]], sections[last[node]]
-        raise SceneError(
-            f"{a.said}: {surface.place(node)} it meets {b.said}, of another thickness or offset;"
-            " give both the same, or mesh one of them as solids"
-        )
+        raise SceneError(f"""{a.said}: {surface.place(node)} it meets {b.said}, of another thickness
+            or offset; give both the same, or mesh one of them as solids""")
 
 
 def shared_nodes(
@@ -265,8 +257,7 @@ def directions(surface: ShellSurface, sections: Sequence[ShellSection]) -> Array
         left = np.einsum("ijk,ijk->ij", _normals(x), unit) / np.where(size > 0, size, 1.0)[..., 0]
         sharp = np.append(sharp, np.flatnonzero((left < LEFT).any(axis=1)))
     for facet in sharp[:1]:
-        raise SceneError(
-            f"{sections[surface.section[facet]].said}: {surface.place(flat[facet, 0])} shells are"
-            " folded too sharply for their thickness, or have no area; mesh them as solids"
-        )
+        raise SceneError(f"""{sections[surface.section[facet]].said}:
+            {surface.place(flat[facet, 0])} shells are folded too sharply for their thickness, or
+            have no area; mesh them as solids""")
     return d

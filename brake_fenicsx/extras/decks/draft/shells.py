@@ -6,20 +6,17 @@ squares where there are more than three), so that curved and folded layers keep 
 Nodes at z = 0 are those of the file: what shares them with a shell shares them with its layer.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Ints
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import FACES
+from brake_fenicsx.meshing import rawmesh, swept
 from brake_fenicsx.meshing.filemesh import FileMesh, listed, same_length
-from brake_fenicsx.meshing.rawmesh import CORNERS, MIDDLES, facet_keys, permuted
-from brake_fenicsx.meshing.swept import lifted
 
 from .shell_surface import (
     ShellSection,
@@ -29,9 +26,6 @@ from .shell_surface import (
     shared_nodes,
     shell_surface,
 )
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def solid_shells(found: FileMesh, sections: Sequence[ShellSection]) -> FileMesh:
@@ -51,14 +45,13 @@ def solid_shells(found: FileMesh, sections: Sequence[ShellSection]) -> FileMesh:
         SceneError: shells and sections of which no layer can be made.
     """
     if not sections:
-        raise SceneError(
-            "--shells solid: the file has no *SHELL SECTION, PSHELL or PCOMP; leave the option out"
-        )
+        raise SceneError("""--shells solid: the file has no *SHELL SECTION, PSHELL or PCOMP; leave
+            the option out""")
     surface = shell_surface(found, sections)
     check_edges(surface, sections)
     solid = shared_nodes(found, surface, sections)
     direction = directions(surface, sections)
-    order = 2 if found.cells.shape[1] > CORNERS[found.shape] else 1
+    order = 2 if found.cells.shape[1] > rawmesh.CORNERS[found.shape] else 1
     points, cells, groups = surface.points, [found.cells], dict(found.cell_groups)
     low, high = surface.corners.copy(), surface.corners.copy()
     columns: dict[int, Ints] = {}
@@ -75,7 +68,7 @@ def solid_shells(found: FileMesh, sections: Sequence[ShellSection]) -> FileMesh:
         columns |= dict(zip(listed(nodes), number.T, strict=True))
         low[own], high[own] = number[0][corners], number[-1][corners]
         for k in range(len(z) - 1):
-            new = lifted(corners if order == 1 else local, nodes.size, order * k)
+            new = swept.lifted(corners if order == 1 else local, nodes.size, order * k)
             which, start = (
                 np.tile(surface.section[own], len(new) // len(local)),
                 sum(map(len, cells)),
@@ -96,7 +89,7 @@ def _right_handed(points: Array, cells: Ints, shape: str) -> Ints:
     if shape == "tetrahedron":
         x = points[cells[:, :4]]
         wrong = np.linalg.det(x[:, 1:] - x[:, :1]) < 0
-        order = permuted(shape, 2 if cells.shape[1] > 4 else 1, (1, 0, 2, 3))
+        order = rawmesh.permuted(shape, 2 if cells.shape[1] > 4 else 1, (1, 0, 2, 3))
         cells[wrong] = cells[wrong][:, order]
     return cells
 
@@ -108,7 +101,7 @@ def _faces(
     groups: dict[str, Ints] = {}
     for name, facets in found.facet_groups.items():
         rest, sides = list[list[int]](), {"SPOS": list[list[int]](), "SNEG": list[list[int]]()}
-        for key, row in zip(listed(facet_keys(facets)), listed(facets), strict=True):
+        for key, row in zip(listed(rawmesh.facet_keys(facets)), listed(facets), strict=True):
             corners = [*dict.fromkeys(row)]
             if key not in surface.parts:
                 rest.append(corners)
@@ -140,14 +133,14 @@ def _deep(nodes: Ints, columns: dict[int, Ints], solid: set[int]) -> Ints:
 def write_abaqus(found: FileMesh, path: Path) -> None:
     """Write cells and groups as a flat .inp file, in the unit that they have."""
     shape, count = found.shape, found.cells.shape[1]
-    corners, used = CORNERS[shape], np.unique(found.cells)
+    corners, used = rawmesh.CORNERS[shape], np.unique(found.cells)
     # Middle nodes of Abaqus: lower, upper and upright edges, body, faces.
     n = len(FACES[shape][0])
     low = [(i, (i + 1) % n) for i in range(n)]
     high = [(i + 4, j + 4) for i, j in low if n == 4]
     upright = [(i, i + 4 if n == 4 else 3) for i in range(n)]
     middles = (*low, *high, *upright, range(8), *FACES[shape])[: count - corners]
-    order = [*range(corners), *(MIDDLES[shape][frozenset(some)] for some in middles)]
+    order = [*range(corners), *(rawmesh.MIDDLES[shape][frozenset(some)] for some in middles)]
     lines = ["** Written by brake-fenicsx init --shells solid", "*NODE"]
     rows = zip(listed(used), listed(found.points[used]), strict=True)
     lines += [f"{i + 1}, {x!r}, {y!r}, {z!r}" for i, (x, y, z) in rows]
@@ -160,9 +153,9 @@ def write_abaqus(found: FileMesh, path: Path) -> None:
             if kept.size:
                 lines += [f'*{word}, {word}="{name}"', *_rows(listed(np.unique(kept) + 1))]
     table = found.cells[:, np.array(FACES[shape])]
-    keys, place = np.unique(facet_keys(table), return_index=True)
+    keys, place = np.unique(rawmesh.facet_keys(table), return_index=True)
     for name, facets in found.facet_groups.items():
-        at = place[np.isin(keys, facet_keys(facets))]
+        at = place[np.isin(keys, rawmesh.facet_keys(facets))]
         if facets.shape[1] == table.shape[2] and at.size:
             cell, face = np.divmod(at, table.shape[1])
             lines.append(f'*SURFACE, NAME="{name}"')

@@ -3,8 +3,6 @@
 Its numbers are in consistent units, which are guessed where nobody names them.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections import defaultdict
@@ -13,15 +11,15 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import Array, Ints
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extras.decks.abaqus_scope import find
 from brake_fenicsx.meshing.filemesh import DeckKeyword, FileMesh
 from brake_fenicsx.scene.keys import dotted
 from brake_fenicsx.scene.units import MODULI, factor_to_si, with_unit
 
-from .shell_surface import Array, ShellSection
+from .shell_surface import ShellSection
 
 # Consistent units of length, mass and time; densities of solids [kg/m^3], lengths of brakes [m].
 SYSTEMS = ("mm t s", "m kg s", "mm kg ms", "mm g ms", "inch slinch s")
@@ -103,7 +101,7 @@ class Deck:
             own.pop(key, None)
         return own
 
-    def nodes(self, name: str) -> NDArray[np.int64]:
+    def nodes(self, name: str) -> Ints:
         """Nodes of a set, or the one of a number."""
         if name.isdigit():
             return np.array([self.mesh.numbers[int(name)]])
@@ -176,7 +174,6 @@ def guessed_units(found: FileMesh, deck: Deck) -> tuple[str, str]:
             for name, r in rho.items():
                 return units, f"the density {r:g} of {name}: {r * kg / m**3:.6g} kg/m^3"
             return units, f"the extent of {extent:g}"
-    raise SceneError(
-        f"--units: missing; no usual ones fit an extent of {extent:g} and the densities"
-        f" {', '.join(f'{r:g}' for r in rho.values()) or '(none)'}; write such as --units mm t s"
-    )
+    raise SceneError(f"""--units: missing; no usual ones fit an extent of {extent:g} and the
+        densities {", ".join(f"{r:g}" for r in rho.values()) or "(none)"}; write such as --units mm
+        t s""")

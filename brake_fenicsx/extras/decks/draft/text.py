@@ -3,8 +3,6 @@
 Comments say what was guessed or proposed, and name every keyword that was not taken over.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections import Counter, defaultdict
@@ -16,16 +14,13 @@ from typing import Any
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.extras.decks.abaqus_scope import find
-from brake_fenicsx.extras.decks.keywords import TABLES
-from brake_fenicsx.meshing.filemesh import NO_CELLS, DeckKeyword, FileMesh, listed
-from brake_fenicsx.meshing.meshfile import read_mesh_file
+from brake_fenicsx.extras.decks import abaqus_scope, keywords
+from brake_fenicsx.meshing import filemesh, meshfile
 from brake_fenicsx.scene.keys import dotted
 from brake_fenicsx.scene.units import several
 
 from .deck import read_deck
-from .faces import MADE, bodies_of, clean
-from .motion import moving_part, proposed_motion
+from .faces import MADE, bodies_of, clean, moving_part, proposed_motion
 from .shells import solid_shells, write_abaqus
 from .statements import Deck, Quantity, guessed_units, moduli, si, toml
 
@@ -70,12 +65,12 @@ def write_scene(
         if file.exists():
             raise SceneError(f"{file}: is there already; name another file with -o")
     try:
-        found = read_mesh_file(deck)
+        found = meshfile.read_mesh_file(deck)
         read = read_deck(found, deck.suffix, solid)
         if solid:
             found = solid_shells(found, read.shells)
         if not len(found.cells):
-            raise SceneError(NO_CELLS)
+            raise SceneError(filemesh.NO_CELLS)
         draft = Draft(found, read, units)
         text = draft.scene(os.path.relpath(mesh, scene.parent))
     except SceneError as error:
@@ -101,7 +96,7 @@ class Draft:
         parts: part -> layer -> material.
     """
 
-    def __init__(self, found: FileMesh, deck: Deck, units: Sequence[str] | None):
+    def __init__(self, found: filemesh.FileMesh, deck: Deck, units: Sequence[str] | None):
         self.found, self.deck = found, deck
         self.units, self.why = (" ".join(units), "") if units else guessed_units(found, deck)
         self.lines: dict[str, list[str]] = defaultdict(list)
@@ -110,7 +105,7 @@ class Draft:
         for group, target in self.bodies.layers.items():
             part, _, layer = target.partition(".")
             name = deck.sections.get(group, clean(group))
-            self.parts[part][layer] = find(deck.tables["materials"], name) or name
+            self.parts[part][layer] = abaqus_scope.find(deck.tables["materials"], name) or name
 
     def scene(self, file: str) -> str:
         """The whole text.
@@ -185,7 +180,7 @@ class Draft:
             self._lost(section, f"{name}: its node is away from the middle of {face}")
         elif levers:
             given = keys.get("moment", [Quantity(0.0, "N m")] * 3)
-            pairs = zip(given, listed(np.sum(levers, axis=0)), strict=True)
+            pairs = zip(given, filemesh.listed(np.sum(levers, axis=0)), strict=True)
             keys = keys | {"moment": [Quantity(q.value + more, "N m") for q, more in pairs]}
         return keys
 
@@ -292,14 +287,14 @@ class Draft:
 
     def _unread(self) -> None:
         """Put keywords that were not taken over in their places."""
-        same: dict[tuple[str, str], list[DeckKeyword]] = defaultdict(list)
+        same: dict[tuple[str, str], list[filemesh.DeckKeyword]] = defaultdict(list)
         for block, why in self.deck.unread:
             same[block.keyword, why].append(block)
         for (word, why), (first, *more) in same.items():
             said = f"{first.said} ({first.at}{f' and {len(more)} more' if more else ''})"
             places = (
                 p
-                for p, starts in TABLES["places"].items()
+                for p, starts in keywords.TABLES["places"].items()
                 if word in starts or word.startswith(tuple(s for s in starts if len(s) > 2))
             )
             place = next(places, "ties")
