@@ -119,7 +119,7 @@ def find_together(
     if at is not None:
         pair = {c: float(v[i]) for c, v, i in zip(grid.levers, grid.values, at, strict=True)}
         verified, notes = search.verified("after-together", pair, worst)
-    cells = _cells(grid, verified, "; ".join(notes))
+    cells = _cells(grid, verified, "; ".join([*notes, *search.about(*grid.levers)]))
     if comm.rank == 0:
         print(text_table(HEADS, [cells]))
     return on_first(
