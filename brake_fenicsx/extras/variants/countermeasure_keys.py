@@ -67,13 +67,14 @@ class Countermeasure:
 
     def distribution(self, scene: Scene, value: float) -> list[str]:
         """Replacements that move the distribution of a random number by the factor of its value."""
-        written = scene.table.get("samples", {}).get("random", {}).get(self.key, {})
-        law, out = scene.samples.random.get(self.key), []
-        for name in {"mean", "sd", "min", "max", "values"} & {*written}:
-            moved = np.multiply(getattr(law, name), value / self.start).tolist()
-            new = [*map(self._written, moved)] if name == "values" else self._written(moved)
-            out.append(f"{dotted('samples', 'random', self.key, name)}={json.dumps(new)}")
-        return sorted(out)
+        law, where = scene.samples.random.get(self.key), ("samples", "random", self.key)
+        written, out = scene.table["samples"]["random"][self.key] if law else {}, []
+        for name in ("mean", "sd", "min", "max", "values"):
+            if name in written:
+                moved = np.multiply(getattr(law, name), value / self.start).tolist()
+                new = [*map(self._written, moved)] if name == "values" else self._written(moved)
+                out.append(f"{dotted(*where, name)}={json.dumps(new)}")
+        return out
 
     def _written(self, value: float | str) -> Any:
         """A value as a scene writes it."""

@@ -40,9 +40,9 @@ REACHED, GAIN = 1e-5, 12.0
 # merge they do at any degree.
 ALLOWED = 0.1
 
-# What one degree more gains until it is known, most degrees more at a time, the highest degree, and
-# points of a body that are not exceeded. What gains less than the last number stagnates.
-LEAST_GAIN, MORE, HIGHEST, MOST, STAGNANT = 5.0, 6, 14, 150, 1.5
+# What one degree more gains until it is known, the highest degree, and points of a body that are
+# not exceeded. What gains less than the last number stagnates.
+LEAST_GAIN, HIGHEST, MOST, STAGNANT = 5.0, 14, 150, 1.5
 
 # The interpolation is not what makes errors of which it has less than this share.
 ELSEWHERE = 0.01
@@ -307,33 +307,30 @@ def higher(
     if lacking is None:
         return None
     errors = np.append(lacking.each, lacking.usual)
-    found, why = _planned(lacking, orders, tolerance, _gains(orders, errors, before), cost)
+    found = _foreseen(lacking, orders, tolerance, _gains(orders, errors, before), cost)
     factors, first = (cost(n)[1] for n in (found, before[0][0] if before else orders))
-    # A dearer model has to gain more in accuracy than it costs.
-    if not why and factors > first * lacking.usual / tolerance:
-        why = f"degree {found.max()} takes {factors} factorisations, the first model {first}"
-    said = (
-        f"left so: {why}"
-        if why
-        else f"made again, of degree {found.max()}: {factors} factorisations"
-    )
+    said, again = f"no degree below {HIGHEST}, {MOST} points of a body, gains enough", False
+    if np.any(found > orders):
+        # A dearer model has to gain more in accuracy than it costs.
+        again = factors <= first * lacking.usual / tolerance
+        said = f"degree {found.max()}: {factors} factorisations, the first model {first}"
     names = np.array(model.parameters.names or range(orders.size), dtype=str)
-    where = ", ".join(names[lacking.wide if why else found > orders])
+    where = ", ".join(names[found > orders if again else lacking.wide])
     logger.info(
-        "reduced model: 10 %% of the errors beyond %.1e (wanted: %.0e) over the range of %s; %s",
-        lacking.usual, tolerance, where, said,
+        "reduced model: 10 %% of the errors beyond %.1e (wanted: %.0e) over the range of %s; %s %s",
+        lacking.usual, tolerance, where, "made again," if again else "left so,", said,
     )  # fmt: skip
-    return None if why else (found, errors)
+    return (found, errors) if again else None
 
 
-def _planned(
+def _foreseen(
     lacking: Shortfall,
     orders: Index,
     tolerance: float,
-    gains: Sequence[float],
+    gains: Array,
     cost: Callable[[Index], tuple[int, int]],
-) -> tuple[Index, str]:
-    """Degrees that are enough if each gains as it did, and why they are not to be had, if so.
+) -> Index:
+    """Degrees that are enough if each gains as it did, shape (d,); the same where none helps.
 
     Args:
         lacking: of the model.
@@ -342,34 +339,28 @@ def _planned(
         gains: see ``_gains``.
         cost: see ``higher``.
     """
-    *gain, whole = gains
-    raised, left = np.array(gain) > 1, lacking.usual * lacking.each / lacking.each.sum()
+    raised, left = gains[:-1] > 1, lacking.usual * lacking.each / lacking.each.sum()
     # What stagnates remains: beyond it, others need not fall.
     aim = max(MARGIN * tolerance, STAGNANT * float(left[~raised].sum()))
-    found, top = orders.copy(), np.minimum(orders + MORE, np.maximum(HIGHEST, orders))
-    most, why = max(MOST, cost(orders)[0]), "higher degrees gain nothing"
-    while whole > 1 and left.sum() > aim and np.any(able := raised & (found < top)):
+    found, most = orders.copy(), max(MOST, cost(orders)[0])
+    while gains[-1] > 1 and left.sum() > aim and np.any(able := raised & (found < HIGHEST)):
         j = int(np.argmax(left * able))
         step = found + np.eye(orders.size, dtype=int)[j]
         if cost(step)[0] > most:
-            why = f"a higher degree has more than {most} points of a body"
             break
-        found, left[j] = step, left[j] / gain[j]
-    if np.all(found[raised] == HIGHEST) and raised.any():
-        why = f"{HIGHEST} is the highest degree"
-    return found, why if left.sum() * STAGNANT > lacking.usual else ""
+        found, left[j] = step, left[j] / gains[j]
+    return found if left.sum() * STAGNANT <= lacking.usual else orders
 
 
-def _gains(orders: Index, errors: Array, before: Sequence[tuple[Index, Array]]) -> list[float]:
-    """What one degree more gains in each parameter, and in any; 1 where it stagnates."""
-    gains = [LEAST_GAIN] * errors.size
+def _gains(orders: Index, errors: Array, before: Sequence[tuple[Index, Array]]) -> Array:
+    """What one degree more gains in each parameter, and in any, shape (d + 1,); 1: it stagnates."""
+    gains: Array = np.full(errors.size, LEAST_GAIN)
     for lower, earlier in before:
-        steps = orders - lower
-        for j, step in enumerate([*steps, steps.max()]):
-            # By two degrees: what is nearly even or odd in a parameter gains nothing by one.
-            if step >= 2:
-                ratio = earlier[j] / max(errors[j], 1e-300)
-                gains[j] = float(ratio ** (1 / step)) if ratio > STAGNANT else 1.0
+        ratio, steps = earlier / np.maximum(errors, 1e-300), orders - lower
+        steps = np.maximum(np.append(steps, steps.max()), 1)
+        found = np.where(ratio > STAGNANT, ratio ** (1 / steps), 1.0)
+        # By two degrees: what is nearly even or odd in a parameter gains nothing by one.
+        gains = np.where(steps > 1, found, gains)
     return gains
 
 

@@ -115,7 +115,7 @@ CONSTANT = Parameters(0, lambda x: np.zeros((3, 0)))
 
 
 def polynomial_levels(degrees: Sequence[int]) -> dict[tuple[int, ...], int]:
-    """Polynomials of an interpolation: index -> degree that it counts with.
+    """Polynomials of an interpolation, rising: index -> degree that it counts with.
 
     Of one parameter of the largest degree it is the polynomial's own.
 
@@ -127,7 +127,7 @@ def polynomial_levels(degrees: Sequence[int]) -> dict[tuple[int, ...], int]:
         share = sum(i / n for i, n in zip(index, degrees, strict=True))
         if share <= 1 + ROUND_OFF:
             out[index] = ceil(highest * share - ROUND_OFF)
-    return out
+    return dict(sorted(out.items(), key=lambda item: (item[1], item[0])))
 
 
 class Interpolation:
@@ -146,10 +146,8 @@ class Interpolation:
         """
         self._degrees = tuple(degrees)
         self.degree = max(self._degrees, default=0)
-        self._level = levels = polynomial_levels(self._degrees)
-        ordered = sorted(levels, key=lambda i: (levels[i], i))
-        self._indices = np.array(ordered, dtype=int).reshape(len(ordered), len(self._degrees))
-        self._levels = np.array([levels[i] for i in ordered])
+        self._level = polynomial_levels(self._degrees)
+        self._indices, self._levels = np.array([*self._level], int), [*self._level.values()]
         candidates = self._candidates()
         self.points: Array = candidates[_discrete_leja(self._polynomials(candidates))]
 
