@@ -178,8 +178,9 @@ class ReducedModels(OfOneProcess):
             advice = "leave such samples to full order"
         logger.warning(
             "stability.tolerance = %g: missed by %d of %d modes between the ends of what varies,"
-            " by up to %.1e; a narrower range should hold it: %s; or raise the tolerance, or %s",
-            settings.tolerance, lacking.missed, lacking.modes, lacking.error, holds, advice,
+            " by up to %.1e; a narrower range should hold it: %s; or %sraise the tolerance, or %s",
+            settings.tolerance, lacking.missed, lacking.modes, lacking.error, holds,
+            "change fewer numbers together, or " * (len(names) > 1), advice,
         )  # fmt: skip
         return {"largest_error": lacking.error, "ranges_that_hold": holds}
 

@@ -1,10 +1,10 @@
 """Real modes of one body of a scene, their shapes at points of its surface, and receptances there.
 
-For receptances, (K - omega^2 M + i omega C) u = f is projected on a few vectors for all
-frequencies: all real modes up to one beyond the band, rigid-body motions included, and the static
-answers to the forces and at the points seen (residual vectors: MacNeal, Comput. Struct. 1 (1971)
-581). The equation is then solved as it stands where its residual is largest. That tells the error;
-where it is too large, the solution joins the vectors.
+For receptances, (K - omega^2 M + i omega C) u = f, K complex with loss factors, is projected on a
+few vectors for all frequencies: all real modes up to one beyond the band, rigid-body motions
+included, and the static answers to the forces and at the points seen (residual vectors: MacNeal,
+Comput. Struct. 1 (1971) 581). The equation is then solved as it stands where its residual is
+largest. That tells the error; where it is too large, the solution joins the vectors.
 """
 
 import brake_fenicsx.petsc_started  # noqa: F401
@@ -259,9 +259,9 @@ class Damped:
     """A body with damping.
 
     Attributes:
-        K: stiffness [N/m], symmetric.
+        K: stiffness [N/m], symmetric; complex with loss factors.
         M: mass [kg].
-        C: damping [N s/m]; zero where there is none.
+        C: viscous damping [N s/m]; zero where there is none.
         W: M-orthonormal modes with damping ratios of their own, shape (dofs, modes).
         ratio: 2 zeta omega of each [1/s], shape (modes,).
     """
@@ -277,7 +277,7 @@ class Damped:
 
         In real numbers, [[A, -B], [-B, -A]] of the real and the imaginary part; symmetric if B is.
         """
-        A, B = self.K - omega**2 * self.M, omega * self.C
+        A, B = self.K.real - omega**2 * self.M, omega * self.C + self.K.imag
         both = sp.bmat([[A, -B], [-B, -A]]).tocsr()
         even = abs(B - B.T).max() <= 1e-12 * abs(B).max()
         factor = Factor(both, "brake_response_", symmetric=bool(even))

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from brake_fenicsx.arguments import Array, Complex, Index
-from brake_fenicsx.build.brake import Brake
+from brake_fenicsx.build.brake import Brake, layer_matrix
 from brake_fenicsx.build.damping_terms import damping_terms
 from brake_fenicsx.build.material_table import layer_materials
 from brake_fenicsx.errors import SceneError
@@ -197,10 +197,11 @@ def respond(
         write_rows(folder / "responses.csv", COLUMNS, _cells(asked, model))
         _draw(folder, asked, model, table)
     held = "supported" if supported else "free"
+    damped = body.C.nnz or body.ratio.any() or np.iscomplexobj(body.K.data)
     return (
         f"part {name}, {held}: {found.modes} modes and residual vectors; against full order at"
         f" {found.worst:.5g} Hz, where the residual is largest, {found.error:.1e} of the largest"
-        f" response{'' if body.C.nnz or body.ratio.any() else UNDAMPED % name}\n"
+        f" response{'' if damped else UNDAMPED % name}\n"
         f"{text_table(ROWS, table)}\nopen {folder / 'responses.png'}"
     )
 
@@ -243,23 +244,30 @@ def _inside(file: Path, r: Response, band: tuple[float, ...]) -> Response:
 
 
 def _damped(scene: Scene, mesh: Mesh, elastic: Elastic, modes: Array, omega: Array) -> Damped:
-    """The body with the damping that the scene has of a part which is at rest."""
+    """The body with the damping that the scene has of a part which is at rest.
+
+    Loss factors are those of a complex stiffness, exact at any frequency.
+    """
     stability, n = scene.stability, elastic.M.shape[0]
     ratio: Array = np.zeros(0)
     contact: Any = None
-    if stability is not None and (given := stability.damping) is not None:
+    given = stability.damping if stability else None
+    if stability and given:
         own = given.modal.get(next(iter(scene.parts)))
         if own is not None:
             at = ModalRatio(elastic.M, np.array(own.frequency), np.atleast_1d(own.ratio))
             hertz: Array = np.asarray(omega / (2 * np.pi), float)
             ratio = np.asarray(2 * omega * at.at(hertz), float)
-        at_rest = replace(given, gyroscopic=False)
+        at_rest = replace(given, gyroscopic=False, loss=False)
         scene = replace(scene, stability=replace(stability, damping=at_rest))
     layers = layer_materials(scene, mesh.layers)
     brake = Brake(mesh, elastic, contact, np.zeros(n), 0.0, np.zeros((n, 0)), materials=layers)
-    C = damping_terms(scene, brake).bulk
-    W = modes[:, : ratio.size]
-    return Damped(elastic.K, elastic.M, sp.csr_matrix((n, n)) if C is None else C, W, ratio)
+    C, K = damping_terms(scene, brake).bulk, elastic.K
+    lossy = {n: m.loss * m.C for n, m in layers.items() if m.loss and (not given or given.loss)}
+    if lossy:
+        K = K + 1j * layer_matrix(scene, brake, "K", lossy)
+    return Damped(K, elastic.M, sp.csr_matrix((n, n)) if C is None else C, modes[:, : ratio.size],
+                  ratio)  # fmt: skip
 
 
 def _row(number: int, r: Response, H: Complex) -> list[Value]:

@@ -11,10 +11,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.keys import KeyMistake, dotted, key_parts
 from brake_fenicsx.scene.keys import key as scene_key
-from brake_fenicsx.scene.samples_section import NO_ROUGH_SAMPLES, is_constant, split_key
+from brake_fenicsx.scene.samples_section import (
+    NO_ROUGH_SAMPLES,
+    Distribution,
+    is_constant,
+    split_key,
+)
 from brake_fenicsx.scene.scalars import check_scalar, si_unit, written_value
 from brake_fenicsx.scene.scene import Scene
 
@@ -47,15 +54,27 @@ class Countermeasure:
             scene: the scene.
             value: SI, or as a scene writes it.
         """
-        parts = key_parts(self.key)
-        written: Any = value
-        if isinstance(value, float) and self.unit:
-            written = f"{value!r} {self.unit}"
+        parts, written = key_parts(self.key), self._written(value)
         if parts[:-1] == RAYLEIGH:
             both = list(scene.table["stability"]["damping"]["rayleigh"])
             both[("alpha", "beta").index(parts.pop())] = written
             written = both
         return f"{dotted(*parts)}={json.dumps(written)}"
+
+    def distribution(self, scene: Scene, value: float) -> list[str]:
+        """Replacements that move the distribution of a random number by the factor of its value."""
+        law, where = scene.samples.random.get(self.key), ("samples", "random", self.key)
+        written, out = scene.table["samples"]["random"][self.key] if law else {}, []
+        for name in ("mean", "sd", "min", "max", "values"):
+            if name in written:
+                moved = np.multiply(getattr(law, name), value / self.start).tolist()
+                new = [*map(self._written, moved)] if name == "values" else self._written(moved)
+                out.append(f"{dotted(*where, name)}={json.dumps(new)}")
+        return out
+
+    def _written(self, value: float | str) -> Any:
+        """A value as a scene writes it."""
+        return f"{value!r} {self.unit}" if isinstance(value, float) and self.unit else value
 
 
 Countermeasures = tuple[Countermeasure, ...]
@@ -97,13 +116,17 @@ def _with_ends(scene: Scene, c: Countermeasure, read: Callable[[str], Scene]) ->
     if split_key(c.key)[0] == "samples":
         raise SceneError(f"{where}: is of perfect contact alone; leave it out")
     check_scalar(scene, where, c.key)
-    _check_not_random(scene, c.key, where)
+    _check_random(scene, c.key, where)
     _check_written(scene, c.key, where)
     try:
         stop = written_value(read(c.override(scene, c.to)), c.key)
     except SceneError as error:
         raise SceneError(f"{where}, to = {c.to!r}: {error}") from None
     start = written_value(scene, c.key)
+    if c.key in scene.samples.random and not start:
+        raise SceneError(
+            f"{where}: is random about a value of zero, which no factor moves; write it"
+        )
     if math.isclose(stop, start):
         raise SceneError(f"{where}, to = {c.to!r}: is the scene's own value; write another one")
     return replace(c, start=start, stop=stop, unit=unit)
@@ -119,10 +142,12 @@ def _check_written(scene: Scene, name: str, where: str) -> None:
         raise SceneError(f"{where}: the scene does not write it; write it with its present value")
 
 
-def _check_not_random(scene: Scene, name: str, where: str) -> None:
-    """What is random has no single value to start from."""
+def _check_random(scene: Scene, name: str, where: str) -> None:
+    """A random number may change by a factor with its distribution, if the scene writes that."""
     table = split_key(name)[1]
-    for other in scene.samples.random:
+    for other, law in scene.samples.random.items():
+        if other == name and isinstance(law, Distribution) and not law.file:
+            continue
         constants = is_constant(name) and is_constant(other) and split_key(other)[1] == table
         if constants or split_key(other) == split_key(name):
             raise SceneError(f"""{where}: samples.random."{other}" is random; leave this one out,

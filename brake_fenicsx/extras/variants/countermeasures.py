@@ -107,6 +107,7 @@ class Search:
             SceneError: they are those of several materials.
         """
         scene, out = self.scene, [c.override(self.scene, x) for c, x in values.items()]
+        out += [change for c, x in values.items() for change in c.distribution(scene, x)]
         constants = {c.key: x for c, x in values.items() if is_constant(c.key)}
         names = sampling.scaled_interfaces(scene) if constants and scene.micro else []
         behind = {sampling.law_material(scene, name) for name in names}
@@ -120,6 +121,12 @@ class Search:
             given = {"E": scene.micro.E, "hardness": scene.micro.hardness}
             out += [f'micro.{n}="{v * factor!r} Pa"' for n, v in given.items() if v is not None]
         return out
+
+    def about(self, *levers: Countermeasure) -> list[str]:
+        """Notes on numbers that are random."""
+        known = self.scene.samples.random
+        return [f"{c.key} is random: its distribution moves by the same factor" for c in levers
+                if c.key in known]  # fmt: skip
 
     def trial(self, worst: Worst, *levers: Countermeasure) -> Trial:
         """Samples of a brake that is prepared for all values of some numbers; collective."""
@@ -247,7 +254,7 @@ def find_countermeasures(
 def _row(search: Search, c: Countermeasure, worst: Worst, rank: int) -> Row:
     """One row of the table: the smallest change, and what a run with it says."""
     found = search.found[c.key]
-    value, notes = found["value"], [found["note"]] if found["note"] else []
+    value, notes = found["value"], [found["note"]] * bool(found["note"]) + search.about(c)
     row = dict.fromkeys(COLUMNS) | {
         "rank": rank, "key": c.key, "value_scene": c.start, "value_to": c.stop, "unit": c.unit,
         "first_order": found["first_order"], "smallest_value": value, "verified": "no",

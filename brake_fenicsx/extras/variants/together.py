@@ -34,7 +34,7 @@ MOST_POINTS = 50  # along one side
 SHARE = "squeal", "samples", "share", "share_low", "share_high"
 COLUMNS = "value_1", "value_2", *SHARE, "enough", "smallest"
 HEADS = ("smallest change of both", "samples that squeal (exact 90 % interval)",
-         "in a run with it", "any family", "verified by a run", "note")  # fmt: skip
+         "in a run with it", "any family there", "verified by a run", "note")  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +117,7 @@ def find_together(
     if at is not None:
         pair = {c: float(v[i]) for c, v, i in zip(grid.levers, grid.values, at, strict=True)}
         verified, notes = search.verified("after-together", pair, worst)
-    cells = _cells(grid, verified, "; ".join(notes))
+    cells = _cells(grid, verified, "; ".join([*notes, *search.about(*grid.levers)]))
     if comm.rank == 0:
         print(text_table(HEADS, [cells]))
     return on_first(
@@ -147,7 +147,9 @@ def _cells(grid: Grid, verified: Row, note: str) -> list[Any]:
     if (at := grid.smallest) is None:
         return ["none", "-", "-", "-", "no", note]
     there = zip(grid.levers, grid.values, at, strict=True)
-    said = ", ".join(f"{c.key} = {short_quantity(v[i], c.unit)}" for c, v, i in there)
+    said = ", ".join(
+        f"{c.key} = {short_quantity(v[i], c.unit)}{'' if i else ' (as now)'}" for c, v, i in there
+    )
     hits = int(grid.hits[at])
     share = hits / grid.samples, *limits(hits, grid.samples)
     after, loud = map(verified.get, AFTER), percent_text(verified.get("any_after"))

@@ -127,8 +127,10 @@ class Trial:
 
     def _state(self, x: float, k: int, fixed: Mapping[str, float] = MappingProxyType({})) -> State:
         task, other = (self._worst.count.approach, k), repr(sorted(fixed.items()))
-        line = Points(self._study, task, self._lever.key, fixed)
-        return self._points.setdefault((k, other), line)(x)
+        # A random number moves with its distribution.
+        ratio, key = self._study.sample(task).values.ratio, self._lever.key
+        line = Points(self._study, task, key, {n: y * ratio(n) for n, y in fixed.items()})
+        return self._points.setdefault((k, other), line)(x * ratio(key))
 
     def _loud(self, state: State) -> list[int]:
         """Modes that squeal and are of the worst family.

@@ -8,7 +8,7 @@ many exceed the tolerance, the parameters whose highest degree changes the modes
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import ceil, log, log10
+from math import ceil, log10
 from typing import Any
 
 from mpi4py import MPI
@@ -37,9 +37,9 @@ REACHED, GAIN = 1e-5, 12.0
 # merge they do at any degree.
 ALLOWED = 0.1
 
-# What one degree more gains as a rule, most degrees more at a time, the highest degree, and points
-# of a body that are not exceeded. Degrees that gained less than the last number stagnate.
-LEAST_GAIN, MORE, HIGHEST, MOST, STAGNANT = 5.0, 6, 14, 150, 1.5
+# What one degree more gains until it is known, the highest degree, and points of a body that are
+# not exceeded. What gains less than the last number stagnates.
+LEAST_GAIN, HIGHEST, MOST, STAGNANT = 5.0, 14, 150, 1.5
 
 # The interpolation is not what makes errors of which it has less than this share.
 ELSEWHERE = 0.01
@@ -47,8 +47,9 @@ ELSEWHERE = 0.01
 # Modes below this share of the band, or of its square, count with it.
 NEAR_ZERO = 1e-2
 
-# What is left of a range that is said to hold, for the scatter of errors over it; parameters that
-# make this share of the largest part of the errors are narrowed together.
+# What is left of a range that is said to hold, and of a tolerance that degrees aim at, for the
+# scatter of errors; parameters that make this share of the largest part of them are narrowed
+# together.
 MARGIN, ALIKE = 0.7, 0.1
 
 
@@ -102,21 +103,24 @@ def reduce_bodies(
         *in_turns(len(bodies), lambda i: kept_modes(bodies[i], parameters, omega, reach), comm)
     ]
 
-    def planned(orders: Index) -> list[Reduction]:
-        more = int(max(orders, default=degrees[0])) - degrees[0]
-        levels = tuple(degree + more for degree in degrees)
-        return [
-            Reduction(body, kept, rows, parameters, levels, orders, omega, comm)
-            for body, kept in zip(bodies, modes, strict=True)
-        ]
+    reductions = [
+        Reduction(body, kept, rows, parameters, len(degrees), omega, comm)
+        for body, kept in zip(bodies, modes, strict=True)
+    ]
+
+    def cost(orders: Index) -> tuple[int, int]:
+        points, factors = zip(*(reduction.cost(orders) for reduction in reductions), strict=True)
+        return max(points), sum(factors)
 
     def computed(orders: Index) -> dict[str, AnyArray]:
-        reductions = planned(orders)
+        more = int(max(orders, default=degrees[0])) - degrees[0]
+        levels = tuple(degree + more for degree in degrees)
         arrays: dict[str, AnyArray] = {}
-        advance = progress(sum(reduction.factors for reduction in reductions))
+        advance = progress(ceil(cost(orders)[1] / comm.size))
         # The largest body takes most memory: it comes before the values of others are there.
         for i in sorted(range(len(bodies)), key=lambda i: -bodies[i].dofs.size):
-            arrays |= {f"{i}.{name}": a for name, a in reductions[i].arrays(advance).items()}
+            found = reductions[i].arrays(levels, orders, advance)
+            arrays |= {f"{i}.{name}": a for name, a in found.items()}
         if comm.rank > 0:
             return {}
         arrays |= {**images, "orders": orders, "followed": np.array(followed)}
@@ -128,13 +132,10 @@ def reduce_bodies(
         held = _on_all(arrays, comm) if keep is None else keep(arrays)
         return reduced_model.ReducedModel(held, w, band, parameters)
 
-    def points(orders: Index) -> int:
-        return max(reduction.points for reduction in planned(orders))
-
     model = made(np.full(parameters.dimension, degrees[0]))
     before: list[tuple[Index, Array]] = []
     while contact is not None:
-        found = comm.bcast(higher(model, contact, tolerance, points, before))
+        found = comm.bcast(higher(model, contact, tolerance, cost, before))
         if found is None:
             break
         before.append((model.orders, found[1]))
@@ -282,46 +283,82 @@ def higher(
     model: reduced_model.ReducedModel,
     contact: ContactLinearisation,
     tolerance: float,
-    points: Callable[[Index], int],
+    cost: Callable[[Index], tuple[int, int]],
     before: Sequence[tuple[Index, Array]] = (),
 ) -> tuple[Index, Array] | None:
-    """Degrees in each parameter with which the tolerance may hold.
+    """Degrees in each parameter with which the tolerance should hold.
 
     Args:
         model: the model.
         contact: of a typical sample.
         tolerance: wanted relative error of lambda.
-        points: of the box where a body is computed with some degrees.
-        before: degrees of earlier models of the same range, and the errors that each parameter
-            made of them, each of shape (d,).
+        cost: with some degrees, most points of the box where a body is factored, and factors.
+        before: degrees of earlier models of the same range, shape (d,), and their errors: what
+            each parameter makes, and all together, shape (d + 1,).
 
     Returns:
-        The degrees, and the errors that each parameter makes now, each of shape (d,); None where
-        the tolerance holds already, or higher degrees cost too much or gain nothing.
+        The degrees and the errors of the model, likewise; None where the tolerance holds already,
+        or higher degrees cost too much or gain nothing.
     """
     lacking, orders = shortfall(model, contact, tolerance), model.orders
     if lacking is None:
         return None
-    worst = int(lacking.each.argmax())
-    # By two degrees: what is nearly even or odd in a parameter gains nothing by one.
-    earlier = [errors[worst] for lower, errors in before if lower[worst] + 2 <= orders[worst]]
-    if earlier and not lacking.each[worst] * STAGNANT < earlier[-1]:
-        return None
-    # A parameter of a tenth of the error needs so many degrees less.
-    share = lacking.usual / tolerance * lacking.each / lacking.each.max()
-    wanted = np.ceil(np.log(np.maximum(share, 1.0)) / log(LEAST_GAIN)).astype(int)
-    most = max(MOST, points(orders))
-    for less in range(wanted.max()):
-        found = np.minimum(orders + np.clip(wanted - less, 0, MORE), np.maximum(HIGHEST, orders))
-        if np.any(found > orders) and points(found) <= most:
-            names = np.array(model.parameters.names or range(orders.size), dtype=str)
-            logger.info(
-                "reduced model: 10 %% of the errors beyond %.0e (wanted: %.0e) over the range of"
-                " %s; made again, of degree %d", lacking.usual, tolerance,
-                ", ".join(names[found > orders]), found.max(),
-            )  # fmt: skip
-            return np.asarray(found), lacking.each
-    return None
+    errors = np.append(lacking.each, lacking.usual)
+    found = _foreseen(lacking, orders, tolerance, _gains(orders, errors, before), cost)
+    factors, first = (cost(n)[1] for n in (found, before[0][0] if before else orders))
+    said, again = f"no degree below {HIGHEST}, {MOST} points of a body, gains enough", False
+    if np.any(found > orders):
+        # A dearer model has to gain more in accuracy than it costs.
+        again = factors <= first * lacking.usual / tolerance
+        said = f"degree {found.max()}: {factors} factorisations, the first model {first}"
+    names = np.array(model.parameters.names or range(orders.size), dtype=str)
+    where = ", ".join(names[found > orders if again else lacking.wide])
+    logger.info(
+        "reduced model: 10 %% of the errors beyond %.1e (wanted: %.0e) over the range of %s; %s %s",
+        lacking.usual, tolerance, where, "made again," if again else "left so,", said,
+    )  # fmt: skip
+    return (found, errors) if again else None
+
+
+def _foreseen(
+    lacking: Shortfall,
+    orders: Index,
+    tolerance: float,
+    gains: Array,
+    cost: Callable[[Index], tuple[int, int]],
+) -> Index:
+    """Degrees that are enough if each gains as it did, shape (d,); the same where none helps.
+
+    Args:
+        lacking: of the model.
+        orders: its degrees, shape (d,).
+        tolerance: wanted relative error of lambda.
+        gains: see ``_gains``.
+        cost: see ``higher``.
+    """
+    raised, left = gains[:-1] > 1, lacking.usual * lacking.each / lacking.each.sum()
+    # What stagnates remains: beyond it, others need not fall.
+    aim = max(MARGIN * tolerance, STAGNANT * float(left[~raised].sum()))
+    found, most = orders.copy(), max(MOST, cost(orders)[0])
+    while gains[-1] > 1 and left.sum() > aim and np.any(able := raised & (found < HIGHEST)):
+        j = int(np.argmax(left * able))
+        step = found + np.eye(orders.size, dtype=int)[j]
+        if cost(step)[0] > most:
+            break
+        found, left[j] = step, left[j] / gains[j]
+    return found if left.sum() * STAGNANT <= lacking.usual else orders
+
+
+def _gains(orders: Index, errors: Array, before: Sequence[tuple[Index, Array]]) -> Array:
+    """What one degree more gains in each parameter, and in any, shape (d + 1,); 1: it stagnates."""
+    gains: Array = np.full(errors.size, LEAST_GAIN)
+    for lower, earlier in before:
+        ratio, steps = earlier / np.maximum(errors, 1e-300), orders - lower
+        steps = np.maximum(np.append(steps, steps.max()), 1)
+        found = np.where(ratio > STAGNANT, ratio ** (1 / steps), 1.0)
+        # By two degrees: what is nearly even or odd in a parameter gains nothing by one.
+        gains = np.where(steps > 1, found, gains)
+    return gains
 
 
 def _errors(model: reduced_model.ReducedModel, contact: ContactLinearisation) -> Array:

@@ -114,6 +114,22 @@ class Parameters:
 CONSTANT = Parameters(0, lambda x: np.zeros((3, 0)))
 
 
+def polynomial_levels(degrees: Sequence[int]) -> dict[tuple[int, ...], int]:
+    """Polynomials of an interpolation, rising: index -> degree that it counts with.
+
+    Of one parameter of the largest degree it is the polynomial's own.
+
+    Args:
+        degrees: degree in each of the parameters.
+    """
+    highest, out = max(degrees, default=0), {}
+    for index in product(*(range(n + 1) for n in degrees)):
+        share = sum(i / n for i, n in zip(index, degrees, strict=True))
+        if share <= 1 + ROUND_OFF:
+            out[index] = ceil(highest * share - ROUND_OFF)
+    return dict(sorted(out.items(), key=lambda item: (item[1], item[0])))
+
+
 class Interpolation:
     """Polynomials through discrete Leja points of [-1, 1]^d.
 
@@ -130,18 +146,10 @@ class Interpolation:
         """
         self._degrees = tuple(degrees)
         self.degree = max(self._degrees, default=0)
-        levels = {i: self._level(i) for i in product(*(range(n + 1) for n in self._degrees))}
-        kept = [i for i in levels if levels[i] <= self.degree]
-        ordered = sorted(kept, key=lambda i: (levels[i], i))
-        self._indices = np.array(ordered, dtype=int).reshape(len(ordered), len(self._degrees))
-        self._levels = np.array([levels[i] for i in ordered])
+        self._level = polynomial_levels(self._degrees)
+        self._indices, self._levels = np.array([*self._level], int), [*self._level.values()]
         candidates = self._candidates()
         self.points: Array = candidates[_discrete_leja(self._polynomials(candidates))]
-
-    def _level(self, index: tuple[int, ...]) -> int:
-        """Degree that a polynomial counts with: of one parameter of the largest degree its own."""
-        share = sum(i / n for i, n in zip(index, self._degrees, strict=True))
-        return ceil(self.degree * share - ROUND_OFF)
 
     def count(self, degree: int) -> int:
         """Number of anchors up to a level; they come first."""
@@ -192,7 +200,7 @@ class Interpolation:
         points = [np.zeros(dimension)]
         for many in range(1, dimension + 1):
             for axes in combinations(range(dimension), many):
-                if self._level(tuple(int(j in axes) for j in range(dimension))) > self.degree:
+                if tuple(int(j in axes) for j in range(dimension)) not in self._level:
                     continue
                 for values in product(*(off[j] for j in axes)):
                     point = np.zeros(dimension)

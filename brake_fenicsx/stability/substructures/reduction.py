@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import ceil
 
 from mpi4py import MPI
 
@@ -18,7 +17,7 @@ from brake_fenicsx.macro.solver import Factor
 from ..eigensolvers.symmetric import complete, count_below, modes_not_counted
 from .component import Complement, SeenBody, interface_at, matrices
 from .contact_rows import SIGMA, Rows
-from .parameters import InterpolatedCoefficients, Parameters
+from .parameters import InterpolatedCoefficients, Parameters, polynomial_levels
 from .polynomials import Polynomial, imaginary_points, real_points
 from .sample_problem import ROUND_OFF
 from .substructure import Substructure
@@ -62,8 +61,7 @@ class Reduction:
         modes: KeptModes,
         rows: Rows,
         parameters: Parameters,
-        degrees: tuple[int, ...],
-        orders: Index,
+        terms: int,
         omega: float,
         comm: MPI.Comm,
     ):
@@ -74,47 +72,42 @@ class Reduction:
             modes: what it keeps.
             rows: blocks of its contact rows.
             parameters: of all bodies.
-            degrees: level of the interpolation of each coefficient, see ``Interpolation``; as many
-                as coefficients in powers of w.
-            orders: degree of the first coefficient in each parameter, shape (d,).
+            terms: number of coefficients in powers of w.
             omega: end of the band [rad/s].
             comm: processes that share the work.
         """
         self._body, self._W, self._kappa = body, modes.W, modes.kappa
-        self._rows, self._parameters, self._degrees = rows, parameters, degrees
+        self._rows, self._parameters = rows, parameters
         self._reach = modes.reach
         self._omega, self._comm = omega, comm
         self._beyond = body.damping_beyond(modes.cutoff * omega)
         self._own = parameters.acting_on(list(body.changes), body.elements.size)
-        self._orders = orders[self._own]
-        self._coefficients = InterpolatedCoefficients([*map(int, self._orders)], degrees)
-        K, C, M = self._matrices(0)
+        K, C, M = self._matrices(np.zeros(parameters.dimension))
         self._shares = proportional(K, C, M)
         self._coupled = bool(body.changes) or self._shares is None
         self._MW = np.asarray(M @ self._W)
         # Of an undamped body the coefficients in powers of lambda are those in powers of kappa.
-        count = len(degrees) // 2 if rows.damped else len(degrees)
+        count = terms // 2 if rows.damped else terms
         kappa: Array = np.asarray(modes.kappa / omega**2, dtype=float)
         self._real = real_points(count, kappa)
         points = imaginary_points(count, kappa) if rows.damped else self._real
         self._points = points
         self._polynomial = Polynomial(points, rows)
 
-    @property
-    def points(self) -> int:
-        """Points of the box where the body is factored."""
-        return len(self._coefficients.points)
+    def cost(self, orders: Index) -> tuple[int, int]:
+        """Points of the box where the body is factored with some orders, and its factors."""
+        own = orders[self._own].tolist()
+        points = len(polynomial_levels(own)) + 2 * bool(own)
+        return points, points * len(self._real if self._shares is not None else self._points)
 
-    @property
-    def factors(self) -> int:
-        """Factors of this process."""
-        each = self._real if self._shares is not None else self._points
-        return ceil(self.points * len(each) / self._comm.size)
-
-    def arrays(self, progress: Callable[[int], None]) -> dict[str, AnyArray]:
+    def arrays(
+        self, degrees: tuple[int, ...], orders: Index, progress: Callable[[int], None]
+    ) -> dict[str, AnyArray]:
         """What ``Component`` takes, on the first process alone, nothing on others; collective.
 
         Args:
+            degrees: level of the interpolation of each coefficient, see ``Interpolation``.
+            orders: degree of the first coefficient in each parameter, shape (d,).
             progress: called with the number of factors that were made.
 
         Raises:
@@ -123,9 +116,10 @@ class Reduction:
         """
         body, W, comm = self._body, self._W, self._comm
         missing: Array = np.zeros(0)
-        largest = 0.0
-        for i in self._coefficients.order:
-            values = self._values(i, progress)
+        largest, orders = 0.0, orders[self._own]
+        interpolated = InterpolatedCoefficients(orders.tolist(), degrees)
+        for i in interpolated.order:
+            values = self._values(interpolated.points[i], progress)
             if comm.rank > 0:
                 continue
             coefficients = self._polynomial.coefficients(values[:-1])
@@ -135,7 +129,7 @@ class Reduction:
                 self._check_convergence(coefficients, size)
                 missing = rest
             largest = max(largest, size)
-            self._coefficients.add(i, coefficients[: self._coefficients.counts[i]])
+            interpolated.add(i, coefficients[: interpolated.counts[i]])
         if comm.rank > 0:
             return {}
         # Elsewhere in the box the polynomials may lack more.
@@ -147,22 +141,24 @@ class Reduction:
             by_ratio = np.diag(body.modal_damping(W, self._kappa))
             damping = [damping[0] + by_ratio] if damping else [by_ratio]
         return {
-            **body.arrays(), **self._coefficients.arrays(), "W": W, "kappa": self._kappa,
+            **body.arrays(), **interpolated.arrays(), "W": W, "kappa": self._kappa,
             "beyond": self._beyond, "coupled": np.array(self._coupled), "points": self._points,
             "missing": missing.astype(np.float32),
             "reach": np.array(self._reach),
-            "degrees": np.array(self._degrees), "orders": self._orders,
+            "degrees": np.array(degrees), "orders": orders,
             "modal": np.array(modal), "modal_C": np.array(damping),
         }  # fmt: skip
 
-    def _values(self, i: int, progress: Callable[[int], None]) -> list[AnyArray]:
+    def _values(self, own: Array, progress: Callable[[int], None]) -> list[AnyArray]:
         """Values at all points of the frequency at a point of the box; collective.
 
         The processes take the factors in turns.
         """
-        K, C, M = self._matrices(i)
+        x = np.zeros(self._parameters.dimension)
+        x[self._own] = own
+        K, C, M = self._matrices(x)
         shares = proportional(K, C, M)
-        interface = interface_at(self._body, self._parameters, self._place(i))
+        interface = interface_at(self._body, self._parameters, x)
         given = interface, self._body.loads, self._rows, self._coupled
         body = SeenBody(K, C if shares is None else None, M, self._W, self._MW, *given)
         points = self._points if shares is None else np.sqrt(-self._real + 0j)
@@ -201,15 +197,8 @@ class Reduction:
             out.append(value)
         return out
 
-    def _place(self, i: int) -> Array:
-        """A point of the box of all parameters."""
-        x = np.zeros(self._parameters.dimension)
-        x[self._own] = self._coefficients.points[i]
-        return x
-
-    def _matrices(self, i: int) -> tuple[sp.csr_matrix, sp.csr_matrix | None, sp.csr_matrix]:
-        """K, C and M at a point of the box."""
-        x = self._place(i)
+    def _matrices(self, x: Array) -> tuple[sp.csr_matrix, sp.csr_matrix | None, sp.csr_matrix]:
+        """K, C and M at a point of the box of all parameters."""
         return matrices(self._body, self._parameters, x, self._omega, self._beyond)
 
     def _check_convergence(self, coefficients: Array, missing: float) -> None:

@@ -46,6 +46,7 @@ band = ["200 Hz", "9 kHz"]
 [stability.damping]
 rayleigh = [0, "{BETA} s"]
 """
+LOSSY = BAR.partition("[stability.damping]")[0].replace("[stability]", "loss = {loss}\n[stability]")
 
 
 def test_the_closed_form_of_the_beam_at_rest_is_a_rigid_body():
@@ -63,12 +64,14 @@ def write_responses(path, points, responses, **labels):
 
 
 @pytest.mark.long
-def test_a_bar_beside_its_closed_form(tmp_path, capsys):
-    """Accelerances of a free beam, in mm/s^2 over N, against those of the mesh."""
+@pytest.mark.parametrize("loss", [None, 0.05])
+def test_a_bar_beside_its_closed_form(loss, tmp_path, capsys):
+    """Accelerances of a free beam, in mm/s^2 over N: beta K, or E (1 + i eta) at any omega_ref."""
     scene, test, out = tmp_path / "bar.toml", tmp_path / "bar.unv", tmp_path / "out"
-    scene.write_text(BAR)
+    scene.write_text(BAR if loss is None else LOSSY.format(loss=loss))
     x, f = np.array([0.0, 0.05, 0.1]), np.linspace(0, 6000, 601)
-    H = np.array([np.zeros(3), *(beam(one, x, BETA) for one in f[1:])]).T
+    beta = np.full(600, BETA) if loss is None else loss / (2 * np.pi * f[1:])
+    H = np.array([np.zeros(3), *(beam(one, x, b) for one, b in zip(f[1:], beta, strict=True))]).T
     points = [(-LENGTH / 2, 0, 0), *((one, 0.0, 0.0) for one in x)]
     accelerance = -1e3 * (2 * np.pi * f) ** 2 * H
     write_responses(test, points, [(f, a) for a in accelerance])
@@ -89,7 +92,7 @@ def test_a_bar_beside_its_closed_form(tmp_path, capsys):
 
 
 def test_two_masses():
-    """k - m - k - m: H = adj(D) / det(D), dashpots and a damping ratio of the first mode."""
+    """k - m - k - m: H = adj(D) / det(D); a dashpot, k (1 + i eta), and a ratio of a mode."""
     k, m, c = 3e6, 0.5, 40.0
     K, M = k * np.array([[2.0, -1], [-1, 1]]), m * np.eye(2)
     C = c * np.array([[1.0, 0], [0, 0]])
@@ -98,6 +101,7 @@ def test_two_masses():
     golden = (np.sqrt(5) - 1) / 2  # omega = sqrt(k / m) times it, and its inverse
     np.testing.assert_allclose(omega, np.sqrt(k / m) * np.array([golden, 1 / golden]), rtol=1e-10)
     ratio = np.array([2 * 0.01 * omega[0]])
+    K = K + 0.05j * k * np.array([[1.0, -1], [-1, 1]])
     body = Damped(*map(sp.csr_matrix, (K, M, C)), Phi[:, :1], ratio)
     found = receptances(body, Phi, static, np.eye(2), sp.eye(2).tocsr(), f)
     w = (M @ Phi[:, 0])[:, None]
@@ -125,11 +129,11 @@ def test_the_stated_error_is_that_of_the_whole_system(ratio):
     modes, omega, static = real_modes(elastic.K, elastic.M, 9000.0, ends)
     body = _damped(alone, mesh, elastic, modes, omega)
     found = receptances(body, modes, static, forces, seen, f)
-    assert found.error < 1e-3
+    assert found.error < 1e-3 and body.C.nnz == 0
     low = elastic.M @ body.W
     exact = []
     for one in 2 * np.pi * f:
-        D = (elastic.K - one**2 * elastic.M + 1j * one * body.C).tocsc()
+        D = (body.K - one**2 * elastic.M + 1j * one * body.C).tocsc()
         if ratio:  # the modal damping as further unknowns
             d = sp.diags(1 / (1j * one * body.ratio + 1e-30))
             D = sp.bmat([[D, low], [low.T, -d]]).tocsc()
