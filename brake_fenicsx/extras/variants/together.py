@@ -113,7 +113,8 @@ def find_together(
         return None
     grid = _grid(search, worst, first, second, points)
     search.release()
-    at, verified, notes = grid.smallest, dict[str, Any](), ["no pair of values is sufficient"]
+    at, notes = grid.smallest, ["no pair of values is sufficient"]
+    verified: Row = {"verified": "no"}
     if at is not None:
         pair = {c: float(v[i]) for c, v, i in zip(grid.levers, grid.values, at, strict=True)}
         verified, notes = search.verified("after-together", pair, worst)
@@ -144,16 +145,17 @@ def _grid(
 
 def _cells(grid: Grid, verified: Row, note: str) -> list[Any]:
     """The one row of the page, in the order of HEADS."""
-    if (at := grid.smallest) is None:
-        return ["none", "-", "-", "-", "no", note]
+    fewest = np.unravel_index(int(np.argmin(grid.hits)), grid.hits.shape)
+    at = grid.smallest or (int(fewest[0]), int(fewest[1]))
     there = zip(grid.levers, grid.values, at, strict=True)
-    said = ", ".join(
+    said = ("" if grid.smallest else "none; fewest samples squeal with ") + ", ".join(
         f"{c.key} = {short_quantity(v[i], c.unit)}{'' if i else ' (as now)'}" for c, v, i in there
     )
     hits = int(grid.hits[at])
     share = hits / grid.samples, *limits(hits, grid.samples)
-    after, loud = map(verified.get, AFTER), percent_text(verified.get("any_after"))
-    return [said, share_text(*share), share_text(*after), loud, verified_text(verified), note]
+    after = share_text(*map(verified.get, AFTER)) if grid.smallest else "-"
+    loud = percent_text(verified.get("any_after"))
+    return [said, share_text(*share), after, loud, verified_text(verified), note]
 
 
 def _write(folder: Path, worst: Worst, grid: Grid, cells: list[Any], ran: bool) -> Path:

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import beta, binom
 
 from brake_fenicsx.extras.variants.countermeasure_keys import Countermeasure
-from brake_fenicsx.extras.variants.together import Grid
+from brake_fenicsx.extras.variants.together import Grid, _cells
 from brake_fenicsx.extras.variants.trial import MOST, allowed, few, limits, needed, smallest_change
 
 N, STEPS, ACCURACY = 160, 8, 0.01
@@ -119,3 +119,12 @@ def test_a_found_change_is_seldom_too_small_and_its_run_confirms_it(n):
     bare = found_shares(n, int(MOST * n))
     assert np.mean(bare > MOST) > 0.5
     assert np.mean([few(draws.binomial(n, q), n) for q in bare]) < 0.6
+
+
+def test_where_no_pair_is_enough_the_best_one_is_named():
+    """Of two countermeasures; a value of the scene is marked."""
+    ends = [Countermeasure(key, 1.0, 1.0, 2.0) for key in ("contact.a.friction", "materials.b.nu")]
+    grid = Grid((ends[0], ends[1]), (np.array([1.0, 2]),) * 2, np.array([[9, 8], [5, 7]]), 10)
+    said, share, *_ = _cells(grid, {"verified": "no"}, "")
+    best = "contact.a.friction = 2.0, materials.b.nu = 1.0 (as now)"
+    assert said == f"none; fewest samples squeal with {best}" and share.startswith("50 %")
