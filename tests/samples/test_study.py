@@ -65,26 +65,31 @@ def test_four_approaches_in_one_scene(tmp_path):
         assert int(whole["squeal_samples"]) == sum(a == approach for a, _ in unstable)
 
 
+def lines_of(out):
+    """Lines of the log of a results folder so far."""
+    log = out / "log.txt"
+    return log.read_text().count("\n") if log.exists() else 0
+
+
 @pytest.mark.slow
 def test_killed_at_ten_random_moments_ends_with_the_same_bytes(tmp_path):
     """SIGKILL anywhere, also while a file is written: no half file is read, nothing renumbered."""
     study = [*ROUGH, MU, "samples.design=latin-hypercube", "samples.n=60"]
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-    start = time.perf_counter()
     whole = tmp_path / "whole"
     subprocess.run(command(BLOCK, whole, study), check=True, capture_output=True, env=environment)
-    seconds = time.perf_counter() - start
-    rng, killed = np.random.default_rng(11), 0
-    for k, moment in enumerate(rng.uniform(0.2, 0.95, 10) * seconds):
-        out = tmp_path / f"killed{k}"
+    rng, killed, told = np.random.default_rng(11), 0, lines_of(whole)
+    for k in range(10):
+        # A little after a line of its log: at any place of the run, however busy the machine is.
+        out, line, later = tmp_path / f"killed{k}", rng.integers(1, told - 3), rng.uniform(0, 0.2)
         going = subprocess.Popen(
             command(BLOCK, out, study), stderr=subprocess.DEVNULL, env=environment
         )
-        try:
-            going.wait(moment)
-        except subprocess.TimeoutExpired:
-            going.send_signal(signal.SIGKILL)
-            killed += going.wait() == -signal.SIGKILL
+        while going.poll() is None and lines_of(out) < line:
+            time.sleep(0.002)
+        time.sleep(later)
+        going.send_signal(signal.SIGKILL)
+        killed += going.wait() == -signal.SIGKILL
         subprocess.run(command(BLOCK, out, study), check=True, capture_output=True, env=environment)
         for name in TABLES:
             a, b = (folder / f"{name}.csv" for folder in (whole, out))
