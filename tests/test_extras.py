@@ -28,12 +28,12 @@ BROKEN = (
     {
         "brake_fenicsx.extras.limit_cycle.cycles.Cycles.of": "limit cycles left out",
         "brake_fenicsx.report.mode_fields.write_facets": "fields of the equilibria left out",
-        "brake_fenicsx.report.mode_fields.render_mode": "picture of the mode at",
+        "brake_fenicsx.report.render.render_mode": "picture of the mode at",
         "brake_fenicsx.report.figure_inputs.contact_maps": "maps of the contact left out",
         "brake_fenicsx.samples.solve.full_modes": "",  # of the verification
     },
     {
-        "brake_fenicsx.samples.study.driver_arrays": "drivers left out",
+        "brake_fenicsx.samples.drivers.driver_arrays": "drivers left out",
         "brake_fenicsx.stability.substructures.reduced_model.ReducedModel"
         ".displacements_of_samples": "shapes of modes left out",
         "brake_fenicsx.pipeline.draw_mesh": "picture of the mesh left out",

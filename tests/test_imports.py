@@ -1,9 +1,11 @@
 """The order of the folders; what a command loads."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections import Counter
+from pkgutil import resolve_name
 
 import pytest
 
@@ -103,3 +105,12 @@ def test_a_command_starts_without_what_it_does_not_need(command, left_out):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "found []", done.stdout
+
+
+def test_names_that_tests_replace_are_there():
+    """Texts such as "brake_fenicsx.mac.mac" in tests, slow ones too: a move would leave them."""
+    text = "".join(path.read_text() for path in (ROOT / "tests").rglob("*.py"))
+    places = sorted(set(re.findall(r'"(brake_fenicsx(?:\.\w+)+)"', text)))
+    assert len(places) > 10
+    for place in places:
+        resolve_name(place)
