@@ -316,7 +316,7 @@ def draw_sizes(figure: Any, table: Path) -> None:
         axis.loglog(dofs, line, MARKERS[i] + "-", color=CYCLE[i], label=stage, ms=5)
     memory = [float(row["GB"]) for row in rows]
     beside.loglog(dofs, memory, "k:", label="memory [GB], right")
-    axis.set(title="growth", xlabel="free dofs", ylabel="seconds, one process")
+    axis.set(title="growth", xlabel="free dofs", ylabel="CPU seconds, one process")
     beside.set(ylabel="GB")
     beside.spines["right"].set_visible(True)
     axis.grid(alpha=0.25, which="both", linewidth=0.4)
