@@ -225,8 +225,9 @@ def read_modes(path: str | Path) -> ModalTest:
         raise SceneError(f"{file}: dataset 55: a mode is zero or not finite; export it again")
     points, axes = (np.array(of) for of in zip(*(place[n] for n in labels), strict=True))
     s = np.array([mode.s for mode in modes])
-    measured, frequency, damping = shapes.any(axis=0), s.imag / (2 * np.pi), -s.real / np.abs(s)
-    return ModalTest(file, np.array(labels), points, axes, measured, frequency, damping, shapes)
+    measured, frequency = np.asarray(shapes.any(axis=0)), s.imag / (2 * np.pi)
+    given = np.array(labels), points, axes, measured, frequency
+    return ModalTest(file, *given, -s.real / np.abs(s), shapes)
 
 
 def read_sets(file: Path, kinds: Collection[int]) -> list[dict[str, Any]]:

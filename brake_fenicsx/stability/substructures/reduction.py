@@ -96,7 +96,7 @@ class Reduction:
 
     def cost(self, orders: Index) -> tuple[int, int]:
         """Points of the box where the body is factored with some orders, and its factors."""
-        own = orders[self._own].tolist()
+        own = [int(n) for n in orders[self._own]]
         points = len(polynomial_levels(own)) + 2 * bool(own)
         return points, points * len(self._real if self._shares is not None else self._points)
 
@@ -117,7 +117,7 @@ class Reduction:
         body, W, comm = self._body, self._W, self._comm
         missing: Array = np.zeros(0)
         largest, orders = 0.0, orders[self._own]
-        interpolated = InterpolatedCoefficients(orders.tolist(), degrees)
+        interpolated = InterpolatedCoefficients([int(n) for n in orders], degrees)
         for i in interpolated.order:
             values = self._values(interpolated.points[i], progress)
             if comm.rank > 0:
