@@ -45,6 +45,9 @@ FIRST, SMALLEST, GROWTH = 0.25, 1e-3, 1.5
 # diagonal differs from 1 by less than LITTLE, unless nearly all, MOST, would be taken anyway.
 REFINEMENTS, REFINED, ENOUGH, LITTLE, MOST = 12, 1e-15, 1e-12, 1e-4, 0.9
 
+# Rows of the matrix of a Newton step that are made at once: they fit the cache of a core.
+ROWS = 64
+
 
 class Solves(Protocol):
     """A symmetric inverse, known by its products."""
@@ -399,11 +402,17 @@ class Condensed:
         rhs[:n] += self.g0
         stiffness = np.ones(rhs.size)
         stiffness[:n] = self.w * (k - k0)
-        J = c.NN * stiffness
+        J = np.empty_like(c.NN)
+        along = None
         if np.any(self.mu):
             forces = patch_forces(self.w, a, k, sliding(self.mu, a))
             rhs += c.NT @ forces.value[1]
-            J[:, :n] -= c.NT * forces.gap[1]
+            along = forces.gap[1]
+        # Some rows at a time, which stay in the cache: each large array passes memory once.
+        for rows in (slice(i, i + ROWS) for i in range(0, rhs.size, ROWS)):
+            np.multiply(c.NN[rows], stiffness, out=J[rows])
+            if along is not None:
+                J[rows, :n] -= c.NT[rows] * along
         J[np.diag_indices_from(J)] += 1.0
         return solved(J, rhs, n)[:n]
 
