@@ -6,7 +6,7 @@
     scripts/bench_ensemble.py merge [SCENE] [--samples 10240 102400] [--processes 1]
     scripts/bench_ensemble.py states [SCENE] [--samples 4] [--set KEY=VALUE]
     scripts/bench_ensemble.py rare RESULTS [--limit 0.001]
-    scripts/bench_ensemble.py sizes [--cells 2 1 0.7] [--samples 20] [--processes 2] [--cpu]
+    scripts/bench_ensemble.py sizes [--cells 1.8 1 0.76 0.6] [--samples 20] [--processes 2] [--cpu]
 
 ``run`` starts every row from nothing (cold: mesh, laws, basis and samples) and then once more on
 the folder it left, without its samples (cached: laws and basis are read). Full order is the median
@@ -336,7 +336,7 @@ def main() -> None:
     four.add_argument("--limit", type=float, default=0.001, help="of the damping")
     four.set_defaults(do=rare)
     five = commands.add_parser("sizes")
-    five.add_argument("--cells", type=float, nargs="+", default=[2.0, 1.0, 0.72])
+    five.add_argument("--cells", type=float, nargs="+", default=[1.8, 1.0, 0.76, 0.6])
     five.add_argument("--samples", type=int, default=20)
     five.add_argument("--processes", type=int, default=2)
     five.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")

@@ -24,7 +24,7 @@ of det G are those of its known part as long as
 along the edge; the largest value of the left-hand side is kept with the count. One moment suffices
 for rough contact. Each further R_j that is known makes it smaller by |kappa'| / limit'. The shift
 lies amid the band, where |kappa'| is half as large as about zero: fewer modes lie below the limit,
-and Krylov spaces reach the ends of the band with fewer vectors (demo brake: 0.8 of the time).
+and Krylov spaces reach the ends of the band with fewer vectors.
 """
 
 from collections.abc import Callable
