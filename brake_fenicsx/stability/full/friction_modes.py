@@ -254,6 +254,9 @@ class Determinant:
         self.R[0] += np.eye(friction.rank)
         values, vectors = la.eigh(moments.LL - kept(self.Q, self.m))
         self.B = np.sqrt(np.maximum(values, 0.0)) * vectors
+        self._small = len(self.R) == 1 and len(away) < friction.rank
+        if self._small:
+            self._prepare()
         size = max(modes.limit / self.limit, 1.0)
         if moments.RR is not None:
             size = max(la.eigvalsh(moments.RR - kept(self.P, 1, self.P))[-1], 0.0)
@@ -263,6 +266,18 @@ class Determinant:
     def _begin(self) -> None:
         self.remainder, self.points = 0.0, 0
         self._x = np.random.default_rng(0).standard_normal((len(self.P), 4)).astype(complex)
+
+    def _prepare(self) -> None:
+        """What does not depend on kappa in G = R + P D^-1 Q', D = Lambda - kappa, one moment R.
+
+        With T = D + Q' R^-1 P, a pencil no larger than the number of modes,
+
+            det G = det R det T / det D,    G^-1 = R^-1 - (R^-1 P) T^-1 (Q' R^-1).
+        """
+        lu = la.lu_factor(self.R[0], check_finite=False)
+        self._BR = la.lu_solve(lu, self.B, trans=1).T
+        self._QR = la.lu_solve(lu, self.Q, trans=1).T
+        self._BRP, self._pencil = self._BR @ self.P, self._QR @ self.P
 
     def turn(self, path: AnyArray, candidates: AnyArray, poles: Array) -> tuple[float, float, int]:
         """Turn of ``phase`` along a path [rad], largest remainder there, and number of points."""
@@ -281,16 +296,21 @@ class Determinant:
                 phase of det G. With the pole alone multiplied, the eigenvalues of many would turn
                 it by whole turns between two points of the edge.
         """
-        z = kappa - self.sigma
-        modal, powers = 1 / (self.kappa - kappa), z ** np.arange(len(self.R))
-        # Real matrices: their products with the two parts, not complex copies of them.
-        G = np.empty(self.R.shape[1:], dtype=complex)
-        for part, m, n in ((G.real, modal.real, powers.real), (G.imag, modal.imag, powers.imag)):
-            part[:] = (self.P * m) @ self.Q.T + np.tensordot(n, self.R, 1)
-        lu = la.lu_factor(G, overwrite_a=True, check_finite=False)
+        z, away = kappa - self.sigma, self.kappa - kappa
+        if self._small:
+            T, zeros = self._pencil + np.diag(away), np.r_[candidates - kappa, away]
+        else:
+            T, zeros = np.empty(self.R.shape[1:], complex), candidates - kappa
+            modal, powers = 1 / away, z ** np.arange(len(self.R))
+            # Real matrices: their products with the two parts, not complex copies of them.
+            for part, m, n in (
+                (T.real, modal.real, powers.real), (T.imag, modal.imag, powers.imag)
+            ):  # fmt: skip
+                part[:] = (self.P * m) @ self.Q.T + np.tensordot(n, self.R, 1)
+        lu = la.lu_factor(T, overwrite_a=True, check_finite=False)
         self.remainder = max(self.remainder, self._bound(abs(z), lu))
         self.points += 1
-        return argument_principle.determinant_phase(lu, candidates - kappa, poles - kappa)
+        return argument_principle.determinant_phase(lu, zeros, poles - kappa)
 
     def _bound(self, z: float, lu: tuple[AnyArray, AnyArray]) -> float:
         """Bound of the relative remainder; |B' G^-1| by subspace iteration, so from just below.
@@ -302,12 +322,24 @@ class Determinant:
         size = 0.0
         for _ in range(FIRST_STEPS if self.points == 0 else STEPS):
             x = la.qr(self._x, mode="economic", check_finite=False)[0]
-            y = times(self.B.T, la.lu_solve(lu, x, check_finite=False))
+            y = self._solved(lu, x)
             size = float(np.linalg.norm(y, 2))
-            self._x = la.lu_solve(lu, times(self.B, y), trans=2, check_finite=False)
+            self._x = self._solved(lu, y, True)
         J = len(self.R)
         power = (1 + self.m) / 2
         return (z / self.limit) ** J * self.limit**power / (self.limit - z) * size * self.A
+
+    def _solved(self, lu: tuple[AnyArray, AnyArray], x: Complex, adjoint: bool = False) -> Complex:
+        """B' G^-1 x, or its adjoint G^-H B x, from the factors of the matrix of ``phase``."""
+
+        def inverse(y: Complex) -> Complex:
+            return np.asarray(la.lu_solve(lu, y, trans=2 * adjoint, check_finite=False))
+
+        if not self._small:
+            return inverse(times(self.B, x)) if adjoint else times(self.B.T, inverse(x))
+        if adjoint:
+            return times(self._BR.T, x) - times(self._QR.T, inverse(times(self._BRP.T, x)))
+        return times(self._BR, x) - times(self._BRP, inverse(times(self._QR, x)))
 
 
 def moments_needed(det: Determinant, region: argument_principle.Trapezium, comm: MPI.Comm) -> int:
