@@ -246,20 +246,22 @@ def lowest_modes(
     mass = BlockProduct(M)
     W = factor.solve(mass(np.random.default_rng(0).standard_normal((n, block))))
     new, Mnew, _ = _orthonormalise(W, mass(W))
-    size = before = due = 0
+    size = due = 0
+    Mbefore = np.empty((n, 0), order="F")
     for _ in range(room // block + 1):
-        k = new.shape[1]
+        k, before = new.shape[1], size - Mbefore.shape[1]
         last = slice(size, size + k)
         V[:, last] = new
         size += k
         W = factor.solve(Mnew)
         h = np.zeros((size, k))
         # Only the last two blocks have a share in W; all others round-off, which grows unchecked.
-        for first in (before, 0):
-            c = shares(V[:, first:size], mass(W))
-            W -= combined(V[:, first:size], c)
-            h[first:] += c
-        before = last.start
+        h[before:] = shares(np.hstack([Mbefore, Mnew]), W)
+        W -= combined(V[:, before:size], h[before:])
+        c = shares(V[:, :size], mass(W))
+        W -= combined(V[:, :size], c)
+        h += c
+        Mbefore = Mnew
         H[:size, last] = h
         H[last, :size] = h.T
         new, Mnew, coupling = _orthonormalise(W, mass(W))
