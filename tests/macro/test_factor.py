@@ -3,10 +3,13 @@
 from petsc4py import PETSc
 
 import numpy as np
+import pytest
 import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.macro import solver
+from brake_fenicsx.macro.solver import Factor, InterfaceFactor, joined, separators
 
 
 def chain(ends: float, n: int = 200) -> sp.csr_matrix:
@@ -14,6 +17,12 @@ def chain(ends: float, n: int = 200) -> sp.csr_matrix:
     return sp.diags(
         [-1.0, np.r_[ends, 2 * np.ones(n - 2), ends], -1.0], [-1, 0, 1], shape=(n, n)
     ).tocsr()
+
+
+def box(n: int) -> sp.csr_matrix:
+    """A cube of trilinear elements, three unknowns at each point that act on each other."""
+    line = sp.diags([1.0, 4.0, 1.0], [-1, 0, 1], shape=(n, n))
+    return sp.kron(sp.kron(sp.kron(line, line), line), np.full((3, 3), 0.1) + np.eye(3)).tocsr()
 
 
 def test_user_option_wins_and_ours_leave_no_trace():
@@ -57,3 +66,39 @@ def test_free_chain_is_singular():
             assert "singular" in str(error)
             named += 1
     assert named >= 18
+
+
+@pytest.mark.skipif(not solver._metis(), reason="PETSc is linked without METIS")
+def test_separators_part_a_body():
+    """Without the first one a cube falls into two halves; all of them are some of its layers."""
+    A = box(14)
+    found = separators(A)
+    rest = np.setdiff1d(np.arange(A.shape[0]), found[0])
+    assert connected_components(A[rest][:, rest])[0] == 2
+    assert found[0].size == 3 * 14**2
+    every = np.concatenate(found)
+    assert np.unique(every).size == every.size
+    B = joined(A, found)
+    assert abs(A - B).max() == 0 and B.nnz > A.nnz and (B != B.T).nnz == 0
+    assert separators(chain(2.0)) == [] and joined(A, []) is A
+
+
+@pytest.mark.hard
+@pytest.mark.parametrize("shift", [0.0, 10.0])
+def test_nested_dissection_costs_less_and_gives_the_same(shift, monkeypatch):
+    """A solid body with the rows of an interface, definite and not: the same, with less work."""
+    A = box(14)
+    P = (A - shift * sp.identity(A.shape[0])).tocsr()
+    B = sp.random(40, A.shape[0], 1e-3, format="csr", random_state=0)
+    found = []
+    for least in (1000, 10**9):
+        monkeypatch.setattr(solver, "LEAST", least)
+        factor = InterfaceFactor(P, B)
+        work = factor._F.getMumpsRinfog(3)
+        found.append((factor.flexibility, factor.negative_pivots, work, factor._F.getMumpsInfog(7)))
+        factor.destroy()
+    (G, negative, work, _), (exact, expected, most, ordering) = found
+    np.testing.assert_allclose(G, exact, rtol=0, atol=1e-10 * np.abs(exact).max())
+    assert negative == expected and (negative > 0) == (shift > 0)
+    if ordering == 0 and solver._metis():  # minimum degree
+        assert work < 0.7 * most
