@@ -164,9 +164,9 @@ class Reduction:
         K, C, M = self._matrices(x)
         shares = proportional(K, C, M)
         interface = interface_at(self._body, self._parameters, x)
-        given = interface, self._body.loads, self._rows, self._coupled
-        kept = self._W, self._body.mass(self._parameters.centre)
-        body = SeenBody(K, C if shares is None else None, M, *kept, *given, self._omega)
+        centre = self._body.mass(self._parameters.centre)
+        given = interface, self._body.loads, self._rows, self._coupled, self._omega
+        body = SeenBody(K, C if shares is None else None, M, self._W, centre, *given)
         points = self._points if shares is None else np.sqrt(-self._real + 0j)
 
         def work(j: int) -> AnyArray:
