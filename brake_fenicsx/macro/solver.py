@@ -62,12 +62,9 @@ class Factor(OfOneProcess):
     """
 
     def __init__(
-        self,
-        A: sp.spmatrix | PETSc.Mat,
-        prefix: str = "brake_factor_",
-        symmetric: bool = True,
+        self, A: sp.spmatrix | PETSc.Mat, prefix: str = "brake_factor_", symmetric: bool = True,
         solves: bool = True,
-    ):
+    ):  # fmt: skip
         """Factor ``A``.
 
         Args:
@@ -255,12 +252,9 @@ class InterfaceFactor(Factor):
     """
 
     def __init__(
-        self,
-        P: Callable[[], sp.csr_matrix],
-        B: sp.csr_matrix,
-        symmetric: bool = True,
+        self, P: Callable[[], sp.csr_matrix], B: sp.csr_matrix, symmetric: bool = True,
         solves: bool = True,
-    ):
+    ):  # fmt: skip
         """Factor P and check the flexibility.
 
         Args:

@@ -134,12 +134,8 @@ def prepare_shapes(
     rest = [(study.sample(task), data) for task, data in first.items()]
     shared, known = all(by_bodies(study.models, sample) for sample, _ in rest), dict[Task, Array]()
 
-    def equilibria() -> None:
-        _write_equilibria(study, known or study.displacements(first), first, faces)
-
-    def write() -> tuple[None, list[str]]:
-        return spared("fields of the equilibria", equilibria)
-
+    fields = partial(_write_equilibria, study, first, faces, known)
+    write = partial(spared, "fields of the equilibria", fields)
     # On one process: the factor of all bodies is large. The others take those of single bodies.
     written = None if shared else meanwhile(write, comm)
     modes = []
@@ -200,14 +196,12 @@ def contact_faces(study: Study) -> dict[str, AnyArray]:
 
 
 def _write_equilibria(
-    study: Study,
-    displaced: Mapping[Task, Array],
-    first: Mapping[Task, Mapping[str, Any]],
-    faces: dict[str, AnyArray],
-) -> None:
+    study: Study, first: Mapping[Task, Mapping[str, Any]], faces: dict[str, AnyArray],
+    known: Mapping[Task, Array],
+) -> None:  # fmt: skip
     """Displacements; pressure, gap, stiffness and state of every contact element."""
     folder, free = study.store.path("fields"), study.brake.elastic.free
-    for task, u in displaced.items():
+    for task, u in (known or study.displacements(first)).items():
         name, data, whole = task[0], first[task], free.expand(u)
         if study.brake.lift is not None:
             whole = whole + study.brake.lift

@@ -341,7 +341,8 @@ def _with_free_motions(
     Those of the springs k0 of ``reference_factor``, under the forces f that they do not carry.
     """
     b = sample.brake.contact
-    free = model.kept_displacements(np.eye(model.free.size)[:, model.free])
+    moves = model.flexibilities == 0
+    free = model.kept_displacements(np.eye(moves.size)[:, moves])
     seen, k = b.N @ free, b.w * models.loads.bodies.k0
     rest = free.T @ f + seen.T @ (k * (data["g"] - b.g0 - (b.N @ u)[:, 0].real))
     moved = free @ np.linalg.solve(seen.T @ (k[:, None] * seen), rest)

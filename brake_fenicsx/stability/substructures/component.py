@@ -333,13 +333,18 @@ class SeenBody:
         # P is real for a real s, and an undamped one on the imaginary axis.
         s = s if np.imag(s) else np.real(s)
         acting = sp.vstack([self.interface[name] for name in self.rows.acting]).tocsr()
+        if not (acting.shape[0] or self.coupled):
+            return np.zeros((0, self.loads.shape[1]))
         if not self.coupled:
-            return self._on_modes(s, acting)
+            return self._seen(s, acting, *self._on_modes(s, acting))
         symmetric, real = self.C is None or is_symmetric(self.C), self.C is None or not np.imag(s)
         factor = _Factor(partial(self._P, s), acting, symmetric, real)
         try:
             self._check(s, factor.negative_pivots)
-            return self._seen(s, factor, acting)
+            MW = self.centre @ self.W
+            X = factor.solve(np.hstack([MW, self.loads]))
+            met = None if factor.symmetric else factor.solve(MW, True).T @ acting.T
+            return self._seen(s, acting, factor.flexibility, acting @ X, MW.T @ X, met)
         finally:
             factor.destroy()
 
@@ -363,45 +368,37 @@ class SeenBody:
         if factor.negative_pivots:
             raise InaccurateResult(INDEFINITE)
 
-    def _followed(self) -> Index:
-        """Places of the followed rows among the acting ones."""
-        c = self.interface["N"].shape[0]
-        starts = c * np.array([self.rows.acting.index(name) for name in self.rows.followed])
-        return np.asarray((starts[:, None] + np.arange(c)).ravel())
-
-    def _on_modes(self, s: complex, acting: sp.csr_matrix) -> Array:
-        """O S [I', F] where P W = M W diag(d), from the flexibility of [I; near modes; F] alone."""
-        r = acting.shape[0]
-        if not r:
-            return np.zeros((0, self.loads.shape[1]))
-        d = np.einsum("ij,ij->j", self.W, self._P(s) @ self.W)
+    def _on_modes(self, s: complex, acting: sp.csr_matrix) -> tuple[Array, Array, Array]:
+        """Arguments of ``_seen`` where P W = M W diag(d), without a solve."""
         # Next to an eigenvalue the factor has its own d, which cancels.
-        close = np.abs(d) < NEAR
-        near, far = self.W[:, close], self.W[:, ~close]
-        wide = sp.vstack([acting, sp.csr_matrix((self.centre @ near).T), self.loads.T]).tocsr()
+        d = np.einsum("ij,ij->j", self.W, self._P(s) @ self.W)
+        near, r, m = np.flatnonzero(np.abs(d) < NEAR), acting.shape[0], d.size
+        rest = sp.csr_matrix(np.vstack([(self.centre @ self.W[:, near]).T, self.loads.T]))
+        wide = sp.vstack([acting, rest]).tocsr()
         factor = InterfaceFactor(partial(self._P, s), wide, solves=False)
         factor.destroy()
         self._check(s, factor.negative_pivots)
-        G, modes = factor.flexibility, slice(r, r + near.shape[1])
-        some, others = self._followed(), np.r_[:r, modes.stop : len(factor.flexibility)]
-        motions = acting @ far
-        seen = np.hstack([motions[some] / d[~close], G[some, modes]])
-        held = np.linalg.solve(G[modes, modes], G[modes, others])
-        return np.asarray(
-            G[np.ix_(some, others)]
-            - seen @ np.vstack([np.hstack([motions.T, far.T @ self.loads]), held])
-        )
+        G, pushed = factor.flexibility, self.W.T @ self.loads
+        places = np.r_[near, m : m + pushed.shape[1]]
+        seen = np.hstack([acting @ self.W / d, np.zeros((r, pushed.shape[1]))])
+        held = np.hstack([np.diag(1 / d), pushed / d[:, None]])
+        seen[:, places] = G[:r, r:]
+        held[np.ix_(near, places)] = G[r : r + near.size, r:]
+        return G[:r, :r], seen, held
 
-    def _seen(self, s: complex, factor: "_Factor", acting: sp.csr_matrix) -> AnyArray:
-        """All of it from a factor of P."""
-        m, MW, some = self.W.shape[1], self.centre @ self.W, self._followed()
-        X = factor.solve(np.hstack([MW, self.loads]))
-        seen, held = acting @ X, MW.T @ X
-        met = seen[:, :m].T if factor.symmetric else factor.solve(MW, True).T @ acting.T
+    def _seen(
+        self, s: complex, acting: sp.csr_matrix, flexibility: AnyArray, seen: AnyArray,
+        held: AnyArray, met: AnyArray | None = None,
+    ) -> AnyArray:  # fmt: skip
+        """All of it from I P^-1 I', I P^-1 [M W, F], W'M P^-1 [M W, F] and W'M P^-1 I'."""
+        c, r, m = self.interface["N"].shape[0], acting.shape[0], self.W.shape[1]
+        starts = c * np.array([self.rows.acting.index(name) for name in self.rows.followed])
+        some = (starts[:, None] + np.arange(c)).ravel()
         H = np.linalg.inv(held[:, :m])
-        L = H @ np.hstack([met, held[:, m:]])
-        D = np.hstack([factor.flexibility[some], seen[some, m:]]) - seen[some, :m] @ L
-        r = acting.shape[0]
+        L = H @ np.hstack([seen[:, :m].T if met is None else met, held[:, m:]])
+        D = np.hstack([flexibility[some], seen[some, m:]]) - seen[some, :m] @ L
+        if not self.coupled:
+            return np.asarray(D)
         source = acting[some] @ self.W - seen[some, :m] @ H
         lead = np.hstack([(acting @ self.W).T, self.W.T @ self.loads]) - L
         kept = self.W.T @ (self._P(s) @ self.W) - H
@@ -465,24 +462,25 @@ class _Factor:
 class Complement:
     """Inverse of P_0 on the displacements that are M-orthogonal to the kept modes."""
 
-    def __init__(self, P0: sp.csr_matrix, M: sp.csr_matrix, W: Array):
+    def __init__(self, P0: sp.csr_matrix, M: sp.csr_matrix, W: Array, coupled: bool = True):
         """Factor P_0.
 
         Args:
             P0: P_0 or its transpose, shape (n, n).
             M: mass [kg].
             W: M-orthonormal kept modes, shape (n, m).
+            coupled: False says that they are modes of P_0.
 
         Raises:
             InaccurateResult: a symmetric P_0 is not positive definite.
         """
-        symmetric = is_symmetric(P0)
+        symmetric = not coupled or is_symmetric(P0)
         self.factor = Factor(P0, "brake_residual_", symmetric=symmetric)
         if symmetric and self.factor.negative_pivots:
             self.factor.destroy()
             raise InaccurateResult(INDEFINITE)
         self._W, self._MW = W, np.asfortranarray(M @ W)
-        self._Y = self.factor.solve(self._MW)
+        self._Y = self.factor.solve(self._MW) if coupled else np.asfortranarray(W)
         self._small = np.linalg.inv(self._MW.T @ self._Y) if W.shape[1] else np.zeros((0, 0))
 
     def solve(self, b: Array) -> Array:

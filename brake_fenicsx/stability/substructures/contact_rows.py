@@ -56,11 +56,6 @@ class Rows:
         """lambda_0; 0 where eigenvalues are z = kappa + sigma."""
         return float(np.sqrt(SIGMA)) if self.rates else 0.0
 
-    @property
-    def at_rest(self) -> float:
-        """The variable w at lambda = 0."""
-        return -self.shift if self.damped else SIGMA
-
     def gaps(self, motions: int) -> int:
         """Gaps among a number of motions that forces follow; slips come after them."""
         return motions // len(self.followed)

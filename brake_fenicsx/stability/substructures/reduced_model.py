@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from brake_fenicsx.arguments import AnyArray, Array, Complex, Index, Mask
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.processes import release_memory
 
@@ -167,7 +167,7 @@ class ReducedModel:
         """
         x = np.asarray(p, float)
         if (key := x.tobytes() + k0.tobytes()) not in self._rest:
-            free, stiffness = self.free, self.areas(p) * k0
+            free, stiffness = self.flexibilities == 0, self.areas(p) * k0
             if len(self._rest) >= self.held:
                 self._rest.popitem()
             given = self.blocks(x), free, stiffness, self.rows, self.omega
@@ -218,8 +218,11 @@ class ReducedModel:
         chosen, rest = [], None
         if loads is not None:
             push = self.coordinates(sp.identity(len(loads), format="csr"), loads)
-            moved = push / np.where(self.free, np.inf, self._kappa)[:, None]
-            rest = self.bodies, np.asarray(loads / self.omega**2), np.asarray(moved)
+            moved, z = (
+                self.flexibilities[:, None] * push,
+                self.scaled(np.zeros(loads.shape[1]) + 0j),
+            )
+            rest = self.bodies, z, np.asarray(loads / self.omega**2), np.asarray(moved)
         for p, contact, s, a in modes:
             chosen.append((self.sample(p, contact), self.scaled(s), a.conj() if left else a))
             release_memory()
@@ -292,13 +295,10 @@ class ReducedModel:
         return out
 
     @property
-    def _kappa(self) -> Array:
-        return np.concatenate([body.component.kappa for body in self.bodies])
-
-    @property
-    def free(self) -> Mask:
-        """Kept modes that move freely, shape (kept modes,)."""
-        return np.asarray(self._kappa <= (FREE * self.omega) ** 2)
+    def flexibilities(self) -> Array:
+        """1/kappa of the kept modes [s^2], 0 of those that move freely, shape (kept modes,)."""
+        kappa = np.concatenate([body.component.kappa for body in self.bodies])
+        return 1 / np.where(kappa <= (FREE * self.omega) ** 2, np.inf, kappa)
 
     @property
     def pole(self) -> float:

@@ -241,7 +241,8 @@ def static_compliance(
 
 def _at_rest(A: Iterable[AnyArray], rows: contact_rows.Rows) -> Array:
     """A polynomial in w at lambda = 0."""
-    return np.asarray(sum(rows.at_rest**n * B for n, B in enumerate(A)), float)
+    w = -rows.shift if rows.damped else contact_rows.SIGMA
+    return np.asarray(sum(w**n * B for n, B in enumerate(A)), float)
 
 
 class Sample(sample_problem.SampleProblem):

@@ -209,7 +209,7 @@ def mode_displacements(
     left: bool,
     comm: MPI.Comm,
     aside: int = 0,
-    rest: tuple[Sequence[Placed], Array, Array] | None = None,
+    rest: tuple[Sequence[Placed], Complex, Array, Array] | None = None,
 ) -> list[tuple[Complex, Array]]:
     """Displacements W a + v of the bodies, v from their matrices at full order; collective.
 
@@ -223,8 +223,8 @@ def mode_displacements(
         left: whether these are left vectors, not conjugated.
         comm: processes that share the work.
         aside: of these, the first so many do other work.
-        rest: bodies of constant materials, loads at rest in units of the band's end, shape (dofs,
-            columns), and what these make of the kept modes, shape (kept modes, columns).
+        rest: bodies of constant materials, the eigenvalue z at rest, loads in units of the band's
+            end, shape (dofs, columns), and their kept modes, shape (kept modes, columns).
 
     Returns:
         Of each sample the displacements, shape (dofs, its modes), and their estimated relative
@@ -236,8 +236,8 @@ def mode_displacements(
     shapes = [(sum(b.dofs.size for b in sample.bodies), z.size) for sample, z, _ in modes]
     if rest is not None:
         matrices |= {(b.component, b""): matrices.get((b.component, b""), []) for b in rest[0]}
-        variables.append(np.full(rest[1].shape[1], rows.at_rest, complex))
-        shapes.append((len(rest[1]), rest[1].shape[1]))
+        variables.append(rows.variable(rest[1]))
+        shapes.append((len(rest[2]), rest[1].size))
     keys = list(matrices)
 
     def work(j: int) -> list[tuple[int, Index, Complex, Array]]:
@@ -247,10 +247,10 @@ def mode_displacements(
         P = [A.T.tocsr() for A in P] if left else P
         # All modes together: solves with few columns take as long as with one.
         every = [(i, *b) for i in users for b in _driven(*modes[i], component, rows, left)]
-        every += [(len(modes), *b) for b in _loaded(*rest, component)] if rest is not None else []
+        every += [(len(modes), *b) for b in (_loaded(*rest, component) if rest else ())]
         numbers, bodies, kept, load, errors = zip(*every, strict=True)
         w = np.concatenate([variables[i] for i in numbers])
-        complement = Complement(P[0], component.mass, component.W)
+        complement = Complement(P[0], component.mass, component.W, component.coupled)
         try:
             v, settled = _left_out(complement, P, w, np.hstack(kept), np.hstack(load))
         finally:
@@ -303,13 +303,13 @@ def _driven(
 
 
 def _loaded(
-    bodies: Sequence[Placed], loads: Array, a: Array, component: Component
+    bodies: Sequence[Placed], z: Complex, loads: Array, a: Array, component: Component
 ) -> Iterator[tuple[Placed, Complex, Complex, Array]]:
     """The same of a body and its mirror images under loads at rest."""
     for body in bodies:
         if body.component is component:
             push = -body.signs[:, None] * loads[body.dofs] + 0j
-            yield body, component.W @ a[body.modes] + 0j, push, np.zeros(a.shape[1])
+            yield body, component.W @ a[body.modes] + 0j, push, np.zeros(z.size)
 
 
 def _left_out(
