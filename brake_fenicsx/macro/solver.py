@@ -25,7 +25,8 @@ import brake_fenicsx.petsc_started  # noqa: F401
 import ctypes
 import hashlib
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 from petsc4py import PETSc
@@ -42,9 +43,12 @@ BLOCK = 128
 # Room for pivoting [%]; null pivots are detected, not divided by; right-hand sides at once.
 MUMPS = {"mat_mumps_icntl_14": 40, "mat_mumps_icntl_24": 1, "mat_mumps_icntl_27": BLOCK}
 
-# Largest relative residual of a solve, and its largest difference from the flexibility: what a
-# factor that went wrong exceeds by far.
-RESIDUAL, DIFFERENCE = 1e-6, 1e-6
+# Largest relative difference of displacements of the interface that are known from those of a
+# factor: what one that went wrong exceeds by far.
+DIFFERENCE = 1e-6
+
+# Option that throws the factor away: what is left are pivots, and the Schur complement.
+THROWN = "mat_mumps_icntl_31"
 
 # Symbols are looked up through the module that is linked with the library.
 _petsc = ctypes.CDLL(PETSc.__file__)
@@ -72,20 +76,23 @@ class Factor(OfOneProcess):
         gigabytes: memory of the factor [GB].
     """
 
-    def __init__(self, A: sp.spmatrix, prefix: str = "brake_factor_", symmetric: bool = True):
+    def __init__(
+        self, A: sp.spmatrix | PETSc.Mat, prefix: str = "brake_factor_", symmetric: bool = True,
+        solves: bool = True,
+    ):  # fmt: skip
         """Factor ``A``.
 
         Args:
-            A: the matrix; both triangles of a symmetric one are stored.
+            A: the matrix; of a symmetric one the upper triangle is taken.
             prefix: prefix of its PETSc options.
             symmetric: whether A is symmetric.
+            solves: whether the factor is kept for them, or thrown away as it comes.
 
         Raises:
             InaccurateResult: the factorisation fails (singular matrix, no memory).
         """
         start = time.perf_counter()
-        self._A = A = petsc_matrix(A)
-        A.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
+        self._A = A = A if isinstance(A, PETSc.Mat) else petsc_matrix(A, symmetric)
         self._ksp = PETSc.KSP().create(PETSc.COMM_SELF)
         self._ksp.setOptionsPrefix(prefix)
         self._ksp.setOperators(A)
@@ -95,9 +102,10 @@ class Factor(OfOneProcess):
         pc.setFactorSolverType("mumps")
         # Through the options, so that the user's own come first; ours leave the database again.
         options = PETSc.Options(prefix)
-        ours = [name for name in MUMPS if not options.hasName(name)]
+        values = {**MUMPS, THROWN: int(not solves)}
+        ours = [name for name in values if not options.hasName(name)]
         for name in ours:
-            options[name] = MUMPS[name]
+            options[name] = values[name]
         try:
             self._ksp.setFromOptions()
             pc.setFactorSetUpSolverType()
@@ -201,12 +209,14 @@ def dense_matrix(a: Array) -> PETSc.Mat:
     return A
 
 
-def petsc_matrix(A: sp.spmatrix) -> PETSc.Mat:
-    """A SciPy matrix as a PETSc matrix of this process."""
+def petsc_matrix(A: sp.spmatrix, symmetric: bool = False) -> PETSc.Mat:
+    """A SciPy matrix as a PETSc matrix of this process; of a symmetric one the upper triangle."""
     A = A.tocsr()
     A.sort_indices()
-    csr = (A.indptr.astype(np.int32), A.indices.astype(np.int32), A.data.astype(float))
-    B = PETSc.Mat().createAIJ(A.shape, csr=csr, comm=PETSc.COMM_SELF)
+    indptr, indices = (np.asarray(places, PETSc.IntType) for places in (A.indptr, A.indices))
+    csr, B = (indptr, indices, np.asarray(A.data, float)), PETSc.Mat()
+    create = partial(B.createSBAIJ, bsize=1) if symmetric else B.createAIJ
+    create(A.shape, csr=csr, comm=PETSc.COMM_SELF)
     B.assemble()
     return B
 
@@ -256,29 +266,46 @@ class InterfaceFactor(Factor):
         flexibility: B P^-1 B', shape (rows, rows).
     """
 
-    def __init__(self, P: sp.csr_matrix, B: sp.csr_matrix, symmetric: bool = True):
-        """Factor P and check the flexibility by a solve.
+    def __init__(
+        self, P: Callable[[], sp.csr_matrix], B: sp.csr_matrix, symmetric: bool = True,
+        solves: bool = True,
+    ):  # fmt: skip
+        """Factor P and check the flexibility.
 
         Args:
-            P: square matrix, shape (n, n); may be indefinite.
+            P: makes a square matrix, shape (n, n); may be indefinite. It is not held.
             B: rows of the interface, shape (rows, n).
             symmetric: whether P is symmetric.
+            solves: whether the factor is kept for them; two thirds of the memory.
 
         Raises:
             InaccurateResult: P is singular, or its factor is wrong.
         """
-        self._n, self._kept, self._symmetric = P.shape[0], B.shape[0] * AVAILABLE, symmetric
-        whole = P
+        A, rows, rng = P(), B.shape[0], np.random.default_rng(0)
+        self._n, self._symmetric = A.shape[0], symmetric
+        # P^-1 of these is known at the interface, of the first through the flexibility.
+        size = np.sqrt(np.asarray(B.multiply(B).sum(axis=1)))
+        size = np.where(size > 0, size, 1.0)
+        v, x = rng.standard_normal((rows, 1)) / size, rng.standard_normal((self._n, 1))
+        load = np.hstack([B.T @ v, A @ x])
+        checked, solves = bool(np.any(load[:, 0])), solves or not AVAILABLE
+        wide = sp.vstack([B, load.T[: 2 * checked]]).tocsr() if checked and not solves else B
+        self._kept = wide.shape[0] * AVAILABLE
         if self._kept:
             every = np.arange(self._kept)
             # The diagonal of the last block is stored, though it is zero.
             zero = sp.coo_matrix((np.zeros(self._kept), (every, every)), (self._kept,) * 2)
-            dissected = joined(P, separators(P))
-            whole = sp.bmat([[dissected, B.T], [B, zero]], format="csr")
-        super().__init__(whole, "brake_interface_", symmetric)
+            A = joined(A, separators(A))
+            A = sp.triu(A) if symmetric else A
+            A = sp.bmat([[A, wide.T], [None if symmetric else wide, zero]])
+        A = petsc_matrix(A, symmetric)
+        super().__init__(A, "brake_interface_", symmetric, solves)
         try:
-            self.flexibility: Array = self._complement() if self._kept else self._solved(B)
-            self._check(P, B)
+            G = self._complement() if self._kept else self._solved(B)
+            self.flexibility: Array = G[:rows, :rows]
+            if checked:
+                seen = G[:rows, rows:] if not solves else B @ self.solve(load)
+                self._check(seen / size, np.hstack([self.flexibility @ v, B @ x]) / size)
         except InaccurateResult:
             self.destroy()
             raise
@@ -314,9 +341,9 @@ class InterfaceFactor(Factor):
         A = -np.ctypeslib.as_array(values, shape=(rows, rows)).T
         _call("MatDenseRestoreArray", S, ctypes.byref(values))
         _call("MatFactorRestoreSchurComplement", F, ctypes.byref(S), status)
-        if self._symmetric:
-            upper = np.triu_indices(rows, 1)
-            A[upper] = A.T[upper]
+        for b in blocks(rows * self._symmetric):
+            A[b, b.stop :] = A[b.stop :, b].T
+            A[b, b] = np.tril(A[b, b]) + np.tril(A[b, b], -1).T
         return A
 
     def _solved(self, B: sp.csr_matrix) -> Array:
@@ -326,25 +353,16 @@ class InterfaceFactor(Factor):
             out[:, b] = B @ super().solve(columns[:, b])
         return out
 
-    def _check(self, P: sp.csr_matrix, B: sp.csr_matrix) -> None:
-        """Compare a combination of the columns of the flexibility with a solve.
+    def _check(self, found: Array, known: Array) -> None:
+        """Compare displacements of the interface by the factor with those that are known.
 
         Raises:
             InaccurateResult: they differ.
         """
-        if not B.shape[0]:
-            return
-        v = np.random.default_rng(0).standard_normal((B.shape[0], 1))
-        load = B.T @ v
-        if not np.any(load):  # rows of displacements that are held
-            return
-        x = self.solve(load)
-        rest = np.linalg.norm(P @ x - load) / np.linalg.norm(load)
-        seen = B @ x
-        off = np.linalg.norm(seen - self.flexibility @ v) / np.linalg.norm(seen)
-        if not (rest <= RESIDUAL and off <= DIFFERENCE):
-            raise InaccurateResult(f"""the factor of a body is wrong: residual {rest:.1e},
-                flexibility of the contact rows off by {off:.1e}""")
+        off = np.linalg.norm(found - known, axis=0) / np.linalg.norm(known, axis=0)
+        if not np.all(off <= DIFFERENCE):
+            raise InaccurateResult(f"""the factor of a body is wrong: displacements of its interface
+                are off by {off.max():.1e}""")
 
 
 def separators(A: sp.csr_matrix) -> list[Index]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import KDTree
 
-from brake_fenicsx.arguments import AnyArray, Complex, Index
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.folder.log import spared
 from brake_fenicsx.folder.processes import meanwhile, on_first
@@ -22,7 +22,7 @@ from brake_fenicsx.meshing.rawmesh import body_of_points
 from brake_fenicsx.results import squeal, tables
 from brake_fenicsx.results.run import RunData, read_run, save_tables
 from brake_fenicsx.samples.forces import contact_of
-from brake_fenicsx.samples.solve import displacements
+from brake_fenicsx.samples.solve import by_bodies, displacements
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.digest import in_effect
@@ -131,18 +131,23 @@ def prepare_shapes(
     comm.Barrier()
     faces = contact_faces(study)
     run, drawn = _severe(study)
+    rest = [(study.sample(task), data) for task, data in first.items()]
+    shared, known = all(by_bodies(study.models, sample) for sample, _ in rest), dict[Task, Array]()
+
+    fields = partial(_write_equilibria, study, first, faces, known)
+    write = partial(spared, "fields of the equilibria", fields)
     # On one process: the factor of all bodies is large. The others take those of single bodies.
-    written = meanwhile(
-        lambda: spared("fields of the equilibria", lambda: _write_equilibria(study, first, faces)),
-        comm,
-    )
+    written = None if shared else meanwhile(write, comm)
     modes = []
     for mode in (mode for chosen in drawn for mode in chosen):
         task = mode.approach, mode.sample
         stored = study.stored(task)
         modes.append((study.sample(task), stored, np.array([mode.mode])))
-    found, missing = spared("shapes of modes", lambda: displacements(study.models, modes, comm, 1))
-    lost, shapes, works = written()[1], iter(found or ()), []
+    given = study.models, modes, comm, not shared, rest if shared else ()
+    found, missing = spared("shapes of modes", lambda: displacements(*given))
+    displaced = [u[:, 0].real for u, _ in (found or ())[len(modes) :]]
+    known |= dict(zip(first, displaced, strict=False))
+    lost, shapes, works = (written or meanwhile(write, comm))()[1], iter(found or ()), []
     for chosen in drawn if found is not None else ():
         own = [next(shapes) for _ in chosen]
         works += _shape_works(study, run, chosen, [u[:, 0] for u, _ in own], pictures)
@@ -191,11 +196,12 @@ def contact_faces(study: Study) -> dict[str, AnyArray]:
 
 
 def _write_equilibria(
-    study: Study, first: Mapping[Task, Mapping[str, Any]], faces: dict[str, AnyArray]
-) -> None:
+    study: Study, first: Mapping[Task, Mapping[str, Any]], faces: dict[str, AnyArray],
+    known: Mapping[Task, Array],
+) -> None:  # fmt: skip
     """Displacements; pressure, gap, stiffness and state of every contact element."""
     folder, free = study.store.path("fields"), study.brake.elastic.free
-    for task, u in study.displacements(first).items():
+    for task, u in (known or study.displacements(first)).items():
         name, data, whole = task[0], first[task], free.expand(u)
         if study.brake.lift is not None:
             whole = whole + study.brake.lift

@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from brake_fenicsx.arguments import Array, Complex, Index
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.folder.log import logger, spared
+from brake_fenicsx.macro.contact_forces import patch_forces, sliding
 from brake_fenicsx.macro.equilibrium import (
     BodyOperators,
     Equilibrium,
@@ -34,7 +35,7 @@ from brake_fenicsx.stability.modes import (
     flutter_partners,
     relative_errors,
 )
-from brake_fenicsx.stability.substructures import ContactLinearisation
+from brake_fenicsx.stability.substructures import ContactLinearisation, ReducedModel
 from brake_fenicsx.stability.substructures.parameter_line import Basis
 
 from .models import Models
@@ -268,18 +269,20 @@ def displacements(
     modes: Sequence[tuple[SampleInput, Mapping[str, Any], Index]],
     comm: MPI.Comm,
     aside: int = 0,
+    equilibria: Sequence[tuple[SampleInput, Mapping[str, Any]]] = (),
 ) -> list[tuple[Complex, Array]]:
-    """Displacements of some unstable modes of stored samples; collective.
+    """Displacements of some unstable modes and of equilibria of stored samples; collective.
 
     Args:
         models: what all samples share.
         modes: of each sample its inputs, what was stored of it, and the numbers of the modes.
         comm: processes that share the work.
         aside: of these, the first so many do other work.
+        equilibria: of each sample, for which ``by_bodies`` holds, its inputs and what was stored.
 
     Returns:
         Of each sample the displacements, shape (dofs, chosen), and their relative errors, shape
-        (chosen,).
+        (chosen,); likewise of each equilibrium [m], which has one.
     """
     out: dict[int, tuple[Complex, Array]] = {}
     for i, (*_, data, chosen) in enumerate(modes):
@@ -295,9 +298,55 @@ def displacements(
             contact = linearised(sample, data["k_vibration"], data["p"])
             a = data["coordinates"][:, chosen].astype(complex)
             given.append((sample.brake.point, contact, data["s"][chosen], a))
-        found = model.displacements_of_samples(given, comm=comm, aside=aside)
-        out |= dict(zip(served, found, strict=True))
-    return [out[i] for i in range(len(modes))]
+        every = enumerate(equilibria, len(modes))
+        resting = {i: e for i, e in every if models.reduction.of(e[0].approach) is model}
+        loads = [_loads_at_rest(models, *e) for e in resting.values()]
+        pushed = np.column_stack(loads) if loads else None
+        found = model.displacements_of_samples(given, comm=comm, aside=aside, loads=pushed)
+        out |= dict(zip(served, found, strict=False))
+        for n, i in enumerate(resting):
+            u = _with_free_motions(models, model, *resting[i], loads[n], found[-1][0][:, [n]])
+            out[i] = u, found[-1][1][[n]]
+    return [out[i] for i in range(len(modes) + len(equilibria))]
+
+
+def by_bodies(models: Models, sample: SampleInput) -> bool:
+    """Whether the displacement of an equilibrium follows from the bodies of its reduced model.
+
+    Kept modes are modes of constant bodies alone.
+    """
+    reduction = models.reduction
+    return (
+        reduction.by_reduction[sample.approach]
+        and not reduction.of(sample.approach).parameters.dimension
+        and not sample.brake.own_bodies
+    )
+
+
+def _loads_at_rest(models: Models, sample: SampleInput, data: Mapping[str, Any]) -> Array:
+    """Loads and contact forces of a stored equilibrium [N], shape (dofs,)."""
+    b, p = sample.brake.contact, data["p"]
+    traction = sliding(data["mu_equilibrium"], p)
+    normal, along, _ = patch_forces(b.w, p, data["k"], traction).value
+    f = models.brake.unit_loads @ sample.brake.pressures
+    return np.asarray(f + b.N.T @ normal + b.T.T @ along)
+
+
+def _with_free_motions(
+    models: Models, model: ReducedModel, sample: SampleInput, data: Mapping[str, Any],
+    f: Array, u: Complex,
+) -> Complex:  # fmt: skip
+    """A displacement of bodies at rest, with the free motions that their gaps tell.
+
+    Those of the springs k0 of ``reference_factor``, under the forces f that they do not carry.
+    """
+    b = sample.brake.contact
+    moves = model.flexibilities == 0
+    free = model.kept_displacements(np.eye(moves.size)[:, moves])
+    seen, k = b.N @ free, b.w * models.loads.bodies.k0
+    rest = free.T @ f + seen.T @ (k * (data["g"] - b.g0 - (b.N @ u)[:, 0].real))
+    moved = free @ np.linalg.solve(seen.T @ (k[:, None] * seen), rest)
+    return np.asarray(u + moved[:, None])
 
 
 def _full(

@@ -93,7 +93,7 @@ def test_nested_dissection_costs_less_and_gives_the_same(shift, monkeypatch):
     found = []
     for least in (1000, 10**9):
         monkeypatch.setattr(solver, "LEAST", least)
-        factor = InterfaceFactor(P, B)
+        factor = InterfaceFactor(lambda: P, B)
         work = factor._F.getMumpsRinfog(3)
         found.append((factor.flexibility, factor.negative_pivots, work, factor._F.getMumpsInfog(7)))
         factor.destroy()

@@ -29,7 +29,7 @@ def test_flexibility_and_solves(symmetric, available, monkeypatch):
     """By the Schur complement and by blocks of solves; P^-1 and P^-T of other columns."""
     monkeypatch.setattr(solver, "AVAILABLE", available and solver.AVAILABLE)
     P, B = system(symmetric)
-    factor, inverse = InterfaceFactor(P, B, symmetric), np.linalg.inv(P.toarray())
+    factor, inverse = InterfaceFactor(lambda: P, B, symmetric), np.linalg.inv(P.toarray())
     b = np.random.default_rng(1).standard_normal((P.shape[0], 3))
     pairs = [(factor.flexibility, B @ inverse @ B.T), (factor.solve(b), inverse @ b)]
     pairs.append((factor.solve(b, True), inverse.T @ b))
@@ -48,7 +48,7 @@ def test_this_library_has_the_schur_complement():
 def test_no_row():
     """A body without contact: solves alone."""
     P, B = system(True)
-    factor = InterfaceFactor(P, B[:0])
+    factor = InterfaceFactor(lambda: P, B[:0])
     assert factor.flexibility.shape == (0, 0)
     b = np.ones((P.shape[0], 1))
     np.testing.assert_allclose(P @ factor.solve(b), b, atol=1e-10)
@@ -58,11 +58,24 @@ def test_no_row():
 def test_rows_of_held_displacements_alone(symmetric):
     """A contact face that is clamped: nothing yields, and no relative error is taken of nothing."""
     P, B = system(symmetric)
-    assert not InterfaceFactor(P, 0 * B).flexibility.any()
+    assert not InterfaceFactor(lambda: P, 0 * B).flexibility.any()
 
 
-@pytest.mark.parametrize("where", ["flexibility", "solve"])
-def test_a_wrong_factor_is_refused(where, monkeypatch):
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_without_the_factor(symmetric):
+    """The flexibility and the inertia are those of a factor that is kept."""
+    P, B = system(symmetric)
+    kept, thrown = (InterfaceFactor(lambda: P, B, symmetric, solves) for solves in (True, False))
+    size = np.abs(kept.flexibility).max()
+    np.testing.assert_allclose(thrown.flexibility, kept.flexibility, atol=1e-12 * size)
+    assert thrown.negative_pivots == kept.negative_pivots
+    assert thrown.gigabytes <= kept.gigabytes
+    kept.destroy()
+    thrown.destroy()
+
+
+@pytest.mark.parametrize("where, solves", [("flexibility", 1), ("flexibility", 0), ("solve", 1)])
+def test_a_wrong_factor_is_refused(where, solves, monkeypatch):
     """One entry of the flexibility, or all solutions, wrong: said, and no number returned."""
     complement, solve = InterfaceFactor._complement, InterfaceFactor.solve
 
@@ -76,5 +89,6 @@ def test_a_wrong_factor_is_refused(where, monkeypatch):
         "solve": ("solve", lambda self, *given: 1.001 * solve(self, *given)),
     }
     monkeypatch.setattr(InterfaceFactor, *wrong[where])
+    P, B = system(True)
     with pytest.raises(InaccurateResult, match="the factor of a body is wrong"):
-        InterfaceFactor(*system(True))
+        InterfaceFactor(lambda: P, B, solves=bool(solves))

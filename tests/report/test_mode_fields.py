@@ -15,12 +15,12 @@ from brake_fenicsx.report import mode_fields
 from brake_fenicsx.report.mode_fields import _severe, nodal_pattern
 from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
 from brake_fenicsx.samples.sampling import Roughness
-from brake_fenicsx.samples.solve import displacements
+from brake_fenicsx.samples.solve import by_bodies, displacements
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.modes import Modes
-from places import BLOCK
+from places import BLOCK, DEMO
 from run_tables import mode, read_run
 
 COMM = MPI.COMM_SELF
@@ -132,3 +132,52 @@ def test_what_is_no_ring_or_does_not_move_has_no_pattern(ring):
     assert nodal_pattern(half, np.ones(half.shape)) is None
     assert nodal_pattern(ring, np.zeros(ring.shape)) is None
     assert nodal_pattern(np.zeros((0, 3)), np.zeros((0, 3))) is None
+
+
+DAMPED = ["stability.damping={ loss=true, omega_ref='8 kHz' }", "materials.lining.loss=0.002"]
+TWO_PADS = [
+    COARSE[0], "samples.approaches=['multi-scale']", "contact.pad_disc.gap=hdf",
+    "surface={ statistics={ S_q = '3 um' } }",
+    "contact.pad_disc.law={ p0 = '10 MPa', u0 = '10 um' }",
+    "samples.random.\"contact.pad_disc.friction\"={ law='uniform', min=0.3, max=0.7 }",
+    "parts.disc.size='30 mm'", "parts.pad.size='20 mm'", "parts.pad.plate_size='20 mm'",
+    "stability.band=['0 Hz','4 kHz']", "samples.n=2",
+]  # fmt: skip
+
+
+@pytest.mark.together
+@pytest.mark.parametrize(
+    ("scene", "changes", "free"),
+    [(BLOCK, COARSE, 3), (BLOCK, [*COARSE, *DAMPED], 3), (DEMO, TWO_PADS, 2)],
+)
+def test_equilibria_by_bodies_are_those_of_the_whole_stiffness(scene, changes, free, tmp_path):
+    """Of bodies that nothing but contact holds, and mirror images; the processes share them.
+
+    The gaps of the displacement are those of the equilibrium.
+    """
+    scene = read_scene(scene, [*changes, "stability.method=reduced"])
+    (tmp_path / "cache").mkdir()
+    brake = assemble_brake(scene, COMM)
+    study = Study(scene, brake, Roughness(hdf=read_surface(scene).hdf), Store(tmp_path), COMM)
+    study.prepare()
+    first = {task: study.work(task) for task in study.tasks[:2]}
+    (model,) = study.models.reduction.models.values()
+    assert np.sum(model.flexibilities == 0) == free
+    given = [(study.sample(task), data) for task, data in first.items()]
+    assert all(by_bodies(study.models, sample) for sample, _ in given)
+    found = displacements(study.models, [], MPI.COMM_WORLD, equilibria=given)
+    for (u, error), (task, whole) in zip(found, study.displacements(first).items(), strict=True):
+        assert np.linalg.norm(u[:, 0] - whole) < 1e-8 * np.linalg.norm(whole)
+        assert error.shape == (1,) and error[0] < 1e-8
+        gaps = first[task]["g"] - brake.g0
+        assert np.abs(brake.N @ u[:, 0] - gaps).max() < 1e-8 * np.abs(gaps).max()
+
+
+def test_equilibria_of_changing_bodies_take_the_whole_stiffness(tmp_path):
+    """Kept modes of the centre of the box are none of theirs."""
+    scene = read_scene(BLOCK, [*COARSE, "stability.method=reduced", OWN])
+    (tmp_path / "cache").mkdir()
+    brake = assemble_brake(scene, COMM)
+    study = Study(scene, brake, Roughness(hdf=read_surface(scene).hdf), Store(tmp_path), COMM)
+    study.prepare()
+    assert not by_bodies(study.models, study.sample(("multi-scale", 0)))

@@ -40,14 +40,14 @@ def chain(damping, rows, softer=1.0):
     interface = {name: every[i::3] for i, name in enumerate("NTR")}
     load = rng.standard_normal((n, 1))
     coupled = damping in ("unequal", "turning") or softer != 1.0
-    body = SeenBody(K, C, M, W, M @ W, interface, load, rows, coupled)
+    body = SeenBody(K, C, M, W, M, interface, load, rows, coupled)
     return body, kappa
 
 
 def exact(body, s):
     """[O; W'P] S [I', P W, F] with a dense basis of what is orthogonal to the kept modes."""
     P = (body.K + s**2 * body.M).toarray() + (0 if body.C is None else s * body.C.toarray())
-    V = la.null_space(body.MW.T)
+    V = la.null_space((body.centre @ body.W).T)
     S = V @ la.solve(V.T @ P @ V, V.T)
     O, I = (np.vstack([body.interface[n].toarray() for n in names])
             for names in (body.rows.followed, body.rows.acting))  # fmt: skip

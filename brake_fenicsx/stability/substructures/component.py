@@ -27,8 +27,9 @@ with n. v stays orthogonal to W in the mass of the centre. In the brake each red
 or a mirror image of another one.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -145,8 +146,9 @@ class Component:
 
     def polynomial(self, x: Array) -> list[sp.csr_matrix]:
         """P_0, P_1, ... at a point of the box, at full order."""
-        given = self.body, self._parameters, x, self._omega, self._beyond
-        return shifted_polynomial(*matrices(*given), self._rows)
+        K, C, M = matrices(self.body, self._parameters, x, self._beyond)
+        C = None if C is None else C / self._omega
+        return shifted_polynomial(K / self._omega**2, C, M, self._rows)
 
     def _modal(self, x: Array) -> Array:
         """W'P_n W in units of the band's end."""
@@ -184,15 +186,14 @@ def interface_at(
 
 
 def matrices(
-    body: Substructure, parameters: Parameters, x: Array, omega: float, beyond: Array
+    body: Substructure, parameters: Parameters, x: Array, beyond: Array
 ) -> tuple[sp.csr_matrix, sp.csr_matrix | None, sp.csr_matrix]:
-    """K, C and M of a body at full order at a point of the box, in units of the band's end.
+    """K [N/m], C [N s/m] and M [kg] of a body at full order at a point of the box.
 
     Args:
         body: the body.
         parameters: of all bodies.
         x: the point, shape (d,).
-        omega: end of the band [rad/s].
         beyond: damping of what the kept modes leave out, see ``Substructure.damping_beyond``. It
             couples nothing with the kept modes, of the same M and the K of the centre of the box.
     """
@@ -202,8 +203,7 @@ def matrices(
         K = body.stiffness(parameters.centre)
         left_out = beyond[0] * body.M + beyond[1] * K
         C = left_out if C is None else C + left_out
-    K = (body.stiffness(c) / omega**2).tocsr()
-    return K, None if C is None else (C / omega).tocsr(), body.mass(c)
+    return body.stiffness(c), None if C is None else C.tocsr(), body.mass(c)
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,29 +293,31 @@ def placed(
 
 @dataclass(frozen=True, slots=True)
 class SeenBody:
-    """A body and what sees it, at a point of the box, in units of the band's end.
+    """A body and what sees it, at a point of the box.
 
     Attributes:
         K: stiffness, shape (n, n).
         C: damping; None where there is none.
         M: mass.
         W: kept modes, shape (n, modes).
-        MW: mass at the centre of the box times W.
+        centre: mass at the centre of the box, in which they are orthonormal.
         interface: rows of the contact elements.
         loads: unit loads, shape (n, loads).
         rows: blocks of contact rows.
         coupled: whether the kept modes couple with what they leave out.
+        omega: end of the band, in whose units lambda is.
     """
 
     K: sp.csr_matrix
     C: sp.csr_matrix | None
     M: sp.csr_matrix
     W: Array
-    MW: Array
+    centre: sp.csr_matrix
     interface: dict[str, sp.csr_matrix]
     loads: Array
     rows: Rows
     coupled: bool
+    omega: float = 1.0
 
     def at(self, s: complex) -> AnyArray:
         """[O; W'P] S [I', P W, F] at lambda = s, O the rows that contact forces follow.
@@ -330,52 +332,76 @@ class SeenBody:
         """
         # P is real for a real s, and an undamped one on the imaginary axis.
         s = s if np.imag(s) else np.real(s)
-        square = np.real(s**2) if self.C is None else s**2
-        P = (self.K + square * self.M).tocsr()
-        P = P if self.C is None else (P + s * self.C).tocsr()
         acting = sp.vstack([self.interface[name] for name in self.rows.acting]).tocsr()
         if not (acting.shape[0] or self.coupled):
             return np.zeros((0, self.loads.shape[1]))
-        factor = _Factor(P, acting)
+        if not self.coupled:
+            return self._seen(s, acting, *self._on_modes(s, acting))
+        symmetric, real = self.C is None or is_symmetric(self.C), self.C is None or not np.imag(s)
+        factor = _Factor(partial(self._P, s), acting, symmetric, real)
         try:
-            if not np.imag(s) and factor.negative_pivots and not self._definite():
-                raise InaccurateResult(INDEFINITE)
-            return self._seen(P, factor, acting)
+            self._check(s, factor.negative_pivots)
+            MW = self.centre @ self.W
+            X = factor.solve(np.hstack([MW, self.loads]))
+            met = None if factor.symmetric else factor.solve(MW, True).T @ acting.T
+            return self._seen(s, acting, factor.flexibility, acting @ X, MW.T @ X, met)
         finally:
             factor.destroy()
 
-    def _definite(self) -> bool:
-        """Whether the stiffness and mass are definite at the shift of the reduced model."""
-        factor = Factor((self.K + SIGMA * self.M).tocsr(), "brake_residual_")
-        negative = factor.negative_pivots
-        factor.destroy()
-        return not negative
+    def _P(self, s: complex) -> sp.csr_matrix:
+        """P in units of the band's end. It is made again when it is wanted: it is large."""
+        square = np.real(s**2) if self.C is None else s**2
+        P = self.K / self.omega**2 + square * self.M
+        return (P if self.C is None else P + s / self.omega * self.C).tocsr()
 
-    def _seen(self, P: sp.csr_matrix, factor: "_Factor", acting: sp.csr_matrix) -> AnyArray:
-        """The same from a factor of P."""
-        m, c = self.W.shape[1], self.interface["N"].shape[0]
+    def _check(self, s: complex, negative: int) -> None:
+        """Whether the stiffness and mass are definite at the shift of the reduced model.
+
+        Raises:
+            InaccurateResult: they are not; negative eigenvalues of a P below it are looked at.
+        """
+        if np.imag(s) or not negative:
+            return
+        shifted = self.K / self.omega**2 + SIGMA * self.M
+        factor = Factor(shifted, "brake_residual_", solves=False)
+        factor.destroy()
+        if factor.negative_pivots:
+            raise InaccurateResult(INDEFINITE)
+
+    def _on_modes(self, s: complex, acting: sp.csr_matrix) -> tuple[Array, Array, Array]:
+        """Arguments of ``_seen`` where P W = M W diag(d), without a solve."""
+        # Next to an eigenvalue the factor has its own d, which cancels.
+        d = np.einsum("ij,ij->j", self.W, self._P(s) @ self.W)
+        near, r, m = np.flatnonzero(np.abs(d) < NEAR), acting.shape[0], d.size
+        rest = sp.csr_matrix(np.vstack([(self.centre @ self.W[:, near]).T, self.loads.T]))
+        wide = sp.vstack([acting, rest]).tocsr()
+        factor = InterfaceFactor(partial(self._P, s), wide, solves=False)
+        factor.destroy()
+        self._check(s, factor.negative_pivots)
+        G, pushed = factor.flexibility, self.W.T @ self.loads
+        places = np.r_[near, m : m + pushed.shape[1]]
+        seen = np.hstack([acting @ self.W / d, np.zeros((r, pushed.shape[1]))])
+        held = np.hstack([np.diag(1 / d), pushed / d[:, None]])
+        seen[:, places] = G[:r, r:]
+        held[np.ix_(near, places)] = G[r : r + near.size, r:]
+        return G[:r, :r], seen, held
+
+    def _seen(
+        self, s: complex, acting: sp.csr_matrix, flexibility: AnyArray, seen: AnyArray,
+        held: AnyArray, met: AnyArray | None = None,
+    ) -> AnyArray:  # fmt: skip
+        """All of it from I P^-1 I', I P^-1 [M W, F], W'M P^-1 [M W, F] and W'M P^-1 I'."""
+        c, r, m = self.interface["N"].shape[0], acting.shape[0], self.W.shape[1]
         starts = c * np.array([self.rows.acting.index(name) for name in self.rows.followed])
-        followed = (starts[:, None] + np.arange(c)).ravel()
-        if self.coupled:
-            X = factor.solve(np.hstack([self.MW, self.loads]))
-        else:
-            # P W = M W diag(d). Next to an eigenvalue the factor has its own d, which cancels.
-            d = np.einsum("ij,ij->j", self.W, P @ self.W)
-            near = np.flatnonzero(np.abs(d) < NEAR)
-            solved = factor.solve(np.hstack([self.MW[:, near], self.loads]))
-            X = np.hstack([self.W / d, solved[:, near.size :]])
-            X[:, near] = solved[:, : near.size]
-        seen, held = acting @ X, self.MW.T @ X
-        met = seen[:, :m].T if factor.symmetric else factor.solve(self.MW, True).T @ acting.T
+        some = (starts[:, None] + np.arange(c)).ravel()
         H = np.linalg.inv(held[:, :m])
-        L = H @ np.hstack([met, held[:, m:]])
-        D = np.hstack([factor.flexibility[followed], seen[followed, m:]]) - seen[followed, :m] @ L
+        L = H @ np.hstack([seen[:, :m].T if met is None else met, held[:, m:]])
+        D = np.hstack([flexibility[some], seen[some, m:]]) - seen[some, :m] @ L
         if not self.coupled:
-            return D
-        PW, r = P @ self.W, len(acting.indptr) - 1
-        source = acting[followed] @ self.W - seen[followed, :m] @ H
+            return np.asarray(D)
+        source = acting[some] @ self.W - seen[some, :m] @ H
         lead = np.hstack([(acting @ self.W).T, self.W.T @ self.loads]) - L
-        kept = self.W.T @ PW - H
+        kept = self.W.T @ (self._P(s) @ self.W) - H
         return np.block([[D[:, :r], source, D[:, r:]], [lead[:, :r], kept, lead[:, r:]]])
 
 
@@ -390,21 +416,27 @@ class _Factor:
         symmetric: whether P is symmetric.
     """
 
-    def __init__(self, P: sp.csr_matrix, rows: sp.csr_matrix):
-        """Factor P.
+    def __init__(
+        self, P: Callable[[], sp.csr_matrix], rows: sp.csr_matrix, symmetric: bool, real: bool
+    ):
+        """Factor P, which the function makes.
 
         Raises:
             InaccurateResult: P has no factor.
         """
-        self._n, self.symmetric = P.shape[0], is_symmetric(P)
-        self._real = not np.iscomplexobj(P)
-        if self._real:
-            self._factor = InterfaceFactor(P, rows, self.symmetric)
+        self._n, self.symmetric, self._real = rows.shape[1], symmetric, real
+        if real:
+            self._factor = InterfaceFactor(P, rows, symmetric)
             self.flexibility: AnyArray = self._factor.flexibility
             return
-        A, B, sign = P.real, P.imag, -1.0 if self.symmetric else 1.0
-        whole = sp.bmat([[A, -B], [sign * B, sign * A]], format="csr")
-        self._factor = InterfaceFactor(whole, sp.block_diag([rows, rows]).tocsr(), self.symmetric)
+
+        def real_form() -> sp.csr_matrix:
+            whole, sign = P(), -1.0 if symmetric else 1.0
+            A, B = whole.real, whole.imag
+            return sp.bmat([[A, -B], [sign * B, sign * A]], format="csr")
+
+        both = sp.block_diag([rows, rows]).tocsr()
+        self._factor = InterfaceFactor(real_form, both, symmetric)
         G, r = self._factor.flexibility, rows.shape[0]
         self.flexibility = G[:r, :r] + 1j * G[r:, :r]
 
@@ -430,24 +462,25 @@ class _Factor:
 class Complement:
     """Inverse of P_0 on the displacements that are M-orthogonal to the kept modes."""
 
-    def __init__(self, P0: sp.csr_matrix, M: sp.csr_matrix, W: Array):
+    def __init__(self, P0: sp.csr_matrix, M: sp.csr_matrix, W: Array, coupled: bool = True):
         """Factor P_0.
 
         Args:
             P0: P_0 or its transpose, shape (n, n).
             M: mass [kg].
             W: M-orthonormal kept modes, shape (n, m).
+            coupled: False says that they are modes of P_0.
 
         Raises:
             InaccurateResult: a symmetric P_0 is not positive definite.
         """
-        symmetric = is_symmetric(P0)
+        symmetric = not coupled or is_symmetric(P0)
         self.factor = Factor(P0, "brake_residual_", symmetric=symmetric)
         if symmetric and self.factor.negative_pivots:
             self.factor.destroy()
             raise InaccurateResult(INDEFINITE)
         self._W, self._MW = W, np.asfortranarray(M @ W)
-        self._Y = self.factor.solve(self._MW)
+        self._Y = self.factor.solve(self._MW) if coupled else np.asfortranarray(W)
         self._small = np.linalg.inv(self._MW.T @ self._Y) if W.shape[1] else np.zeros((0, 0))
 
     def solve(self, b: Array) -> Array:

@@ -167,8 +167,7 @@ class ReducedModel:
         """
         x = np.asarray(p, float)
         if (key := x.tobytes() + k0.tobytes()) not in self._rest:
-            kappa = np.concatenate([body.component.kappa for body in self.bodies])
-            free, stiffness = kappa <= (FREE * self.omega) ** 2, self.areas(p) * k0
+            free, stiffness = self.flexibilities == 0, self.areas(p) * k0
             if len(self._rest) >= self.held:
                 self._rest.popitem()
             given = self.blocks(x), free, stiffness, self.rows, self.omega
@@ -204,6 +203,7 @@ class ReducedModel:
         left: bool = False,
         comm: MPI.Comm = MPI.COMM_SELF,
         aside: int = 0,
+        loads: Array | None = None,
     ) -> list[tuple[Complex, Array]]:
         """Displacements of modes of several samples, each matrix factored once; collective.
 
@@ -212,12 +212,21 @@ class ReducedModel:
             left: likewise.
             comm: processes that share the work.
             aside: of these, the first so many do other work.
+            loads: of bodies of constant materials at rest, in equilibrium [N], shape (dofs,
+                columns). Their displacements [m], without free motions, come last.
         """
-        chosen = []
+        chosen, rest = [], None
+        if loads is not None:
+            push = self.coordinates(sp.identity(len(loads), format="csr"), loads)
+            moved, z = (
+                self.flexibilities[:, None] * push,
+                self.scaled(np.zeros(loads.shape[1]) + 0j),
+            )
+            rest = self.bodies, z, np.asarray(loads / self.omega**2), np.asarray(moved)
         for p, contact, s, a in modes:
             chosen.append((self.sample(p, contact), self.scaled(s), a.conj() if left else a))
             release_memory()
-        found = vectors.mode_displacements(chosen, self.rows, left, comm, aside)
+        found = vectors.mode_displacements(chosen, self.rows, left, comm, aside, rest)
         return [(u.conj() if left else u, error) for u, error in found]
 
     def motions(
@@ -284,6 +293,12 @@ class ReducedModel:
         for body in self.bodies:
             out[body.dofs] = body.signs[:, None] * (body.component.W @ a[body.modes])
         return out
+
+    @property
+    def flexibilities(self) -> Array:
+        """1/kappa of the kept modes [s^2], 0 of those that move freely, shape (kept modes,)."""
+        kappa = np.concatenate([body.component.kappa for body in self.bodies])
+        return 1 / np.where(kappa <= (FREE * self.omega) ** 2, np.inf, kappa)
 
     @property
     def pole(self) -> float:

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from brake_fenicsx.arguments import AnyArray, Array, Index
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.processes import in_turns
-from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.macro.solver import Factor, blocks
 
 from ..eigensolvers.symmetric import complete, count_below, modes_not_counted
 from .component import Complement, SeenBody, interface_at, matrices
@@ -82,10 +82,8 @@ class Reduction:
         self._omega, self._comm = omega, comm
         self._beyond = body.damping_beyond(modes.cutoff * omega)
         self._own = parameters.acting_on(list(body.changes), body.elements.size)
-        K, C, M = self._matrices(np.zeros(parameters.dimension))
-        self._shares = proportional(K, C, M)
+        self._shares = proportional(*self._matrices(np.zeros(parameters.dimension)))
         self._coupled = bool(body.changes) or self._shares is None
-        self._MW = np.asarray(M @ self._W)
         # Of an undamped body the coefficients in powers of lambda are those in powers of kappa.
         count = terms // 2 if rows.damped else terms
         kappa: Array = np.asarray(modes.kappa / omega**2, dtype=float)
@@ -122,8 +120,13 @@ class Reduction:
             values = self._values(interpolated.points[i], progress)
             if comm.rank > 0:
                 continue
-            coefficients = self._polynomial.coefficients(values[:-1])
+            coefficients = np.empty((self._polynomial.count, *values[-1].shape))
+            # Some rows at a time: no second copy of all values.
+            for some in blocks(len(values[-1])):
+                own = self._polynomial.coefficients([value[some] for value in values[:-1]])
+                coefficients[:, some] = own
             rest = self._polynomial.missing(coefficients, values[-1])
+            del values
             size = float(np.linalg.norm(rest))
             if i == 0:
                 self._check_convergence(coefficients, size)
@@ -132,6 +135,8 @@ class Reduction:
             interpolated.add(i, coefficients[: interpolated.counts[i]])
         if comm.rank > 0:
             return {}
+        held = interpolated.arrays()
+        held["D"] = held["D"].copy()  # or all coefficients would be held with it
         # Elsewhere in the box the polynomials may lack more.
         missing *= largest / max(float(np.linalg.norm(missing)), 1e-300)
         modal = [W.T @ (A @ W) for A in (body.K, body.M, *body.changes.values())]
@@ -141,7 +146,7 @@ class Reduction:
             by_ratio = np.diag(body.modal_damping(W, self._kappa))
             damping = [damping[0] + by_ratio] if damping else [by_ratio]
         return {
-            **body.arrays(), **interpolated.arrays(), "W": W, "kappa": self._kappa,
+            **body.arrays(), **held, "W": W, "kappa": self._kappa,
             "beyond": self._beyond, "coupled": np.array(self._coupled), "points": self._points,
             "missing": missing.astype(np.float32),
             "reach": np.array(self._reach),
@@ -150,17 +155,18 @@ class Reduction:
         }  # fmt: skip
 
     def _values(self, own: Array, progress: Callable[[int], None]) -> list[AnyArray]:
-        """Values at all points of the frequency at a point of the box; collective.
+        """Values at all points of the frequency at a point of the box, on the first process.
 
-        The processes take the factors in turns.
+        Collective; the processes take the factors in turns.
         """
         x = np.zeros(self._parameters.dimension)
         x[self._own] = own
         K, C, M = self._matrices(x)
         shares = proportional(K, C, M)
         interface = interface_at(self._body, self._parameters, x)
-        given = interface, self._body.loads, self._rows, self._coupled
-        body = SeenBody(K, C if shares is None else None, M, self._W, self._MW, *given)
+        centre = self._body.mass(self._parameters.centre)
+        given = interface, self._body.loads, self._rows, self._coupled, self._omega
+        body = SeenBody(K, C if shares is None else None, M, self._W, centre, *given)
         points = self._points if shares is None else np.sqrt(-self._real + 0j)
 
         def work(j: int) -> AnyArray:
@@ -168,13 +174,16 @@ class Reduction:
             progress(1)
             return found
 
-        values = [*in_turns(len(points), work, self._comm)]
-        if shares is None or not self._rows.damped:
+        found = in_turns(len(points), work, self._comm)
+        values = [value for value in found if self._comm.rank == 0]
+        if shares is None or not (self._rows.damped and values):
             return values
-        return self._damped(values, *shares)
+        return self._damped(values, shares[0] / self._omega, shares[1] * self._omega)
 
     def _damped(self, values: list[Array], alpha: float, beta: float) -> list[AnyArray]:
         """Values at the points in lambda of a body with C = alpha M + beta K from those in kappa.
+
+        All in units of the band's end.
 
         P(lambda) = (1 + beta lambda) (K - kappa M) at a complex kappa.
         """
@@ -199,7 +208,7 @@ class Reduction:
 
     def _matrices(self, x: Array) -> tuple[sp.csr_matrix, sp.csr_matrix | None, sp.csr_matrix]:
         """K, C and M at a point of the box of all parameters."""
-        return matrices(self._body, self._parameters, x, self._omega, self._beyond)
+        return matrices(self._body, self._parameters, x, self._beyond)
 
     def _check_convergence(self, coefficients: Array, missing: float) -> None:
         """Whether the coefficients fall, as they do without a pole within the band.

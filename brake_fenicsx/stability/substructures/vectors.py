@@ -209,6 +209,7 @@ def mode_displacements(
     left: bool,
     comm: MPI.Comm,
     aside: int = 0,
+    rest: tuple[Sequence[Placed], Complex, Array, Array] | None = None,
 ) -> list[tuple[Complex, Array]]:
     """Displacements W a + v of the bodies, v from their matrices at full order; collective.
 
@@ -222,24 +223,34 @@ def mode_displacements(
         left: whether these are left vectors, not conjugated.
         comm: processes that share the work.
         aside: of these, the first so many do other work.
+        rest: bodies of constant materials, the eigenvalue z at rest, loads in units of the band's
+            end, shape (dofs, columns), and their kept modes, shape (kept modes, columns).
 
     Returns:
         Of each sample the displacements, shape (dofs, its modes), and their estimated relative
-        errors, shape (its modes,): of the motions at the contact, or of v in the worst body.
+        errors, shape (its modes,): of the motions at the contact, or of v in the worst body. Those
+        at rest, if there are any, come last.
     """
     matrices = _sharing([sample for sample, *_ in modes])
+    variables = [rows.variable(z) for _, z, _ in modes]
+    shapes = [(sum(b.dofs.size for b in sample.bodies), z.size) for sample, z, _ in modes]
+    if rest is not None:
+        matrices |= {(b.component, b""): matrices.get((b.component, b""), []) for b in rest[0]}
+        variables.append(rows.variable(rest[1]))
+        shapes.append((len(rest[2]), rest[1].size))
     keys = list(matrices)
 
     def work(j: int) -> list[tuple[int, Index, Complex, Array]]:
         component, users = keys[j][0], matrices[keys[j]]
         release_memory()
-        P = component.polynomial(modes[users[0]][0].x)
+        P = component.polynomial(modes[users[0]][0].x if users else np.zeros(0))
         P = [A.T.tocsr() for A in P] if left else P
         # All modes together: solves with few columns take as long as with one.
         every = [(i, *b) for i in users for b in _driven(*modes[i], component, rows, left)]
+        every += [(len(modes), *b) for b in (_loaded(*rest, component) if rest else ())]
         numbers, bodies, kept, load, errors = zip(*every, strict=True)
-        w = np.concatenate([rows.variable(modes[i][1]) for i in numbers])
-        complement = Complement(P[0], component.mass, component.W)
+        w = np.concatenate([variables[i] for i in numbers])
+        complement = Complement(P[0], component.mass, component.W, component.coupled)
         try:
             v, settled = _left_out(complement, P, w, np.hstack(kept), np.hstack(load))
         finally:
@@ -250,7 +261,6 @@ def mode_displacements(
         found = zip(numbers, bodies, parts, worst, strict=True)
         return [(i, body.dofs, body.signs[:, None] * u, error) for i, body, u, error in found]
 
-    shapes = [(sum(b.dofs.size for b in sample.bodies), z.size) for sample, z, _ in modes]
     out: list[tuple[Complex, Array]] = [
         (np.zeros(shape, complex), np.zeros(shape[1])) for shape in shapes
     ]
@@ -290,6 +300,16 @@ def _driven(
             acting, there = sample.closed.rows(number, len(along), body.elements.size)
             kept = times(component.W, a[body.modes])
             yield body, kept, times(I[acting].T.tocsr(), force[there]), error
+
+
+def _loaded(
+    bodies: Sequence[Placed], z: Complex, loads: Array, a: Array, component: Component
+) -> Iterator[tuple[Placed, Complex, Complex, Array]]:
+    """The same of a body and its mirror images under loads at rest."""
+    for body in bodies:
+        if body.component is component:
+            push = -body.signs[:, None] * loads[body.dofs] + 0j
+            yield body, component.W @ a[body.modes] + 0j, push, np.zeros(z.size)
 
 
 def _left_out(
