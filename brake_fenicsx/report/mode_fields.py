@@ -22,6 +22,7 @@ from brake_fenicsx.meshing.rawmesh import body_of_points
 from brake_fenicsx.results import squeal, tables
 from brake_fenicsx.results.run import RunData, read_run, save_tables
 from brake_fenicsx.samples.forces import contact_of
+from brake_fenicsx.samples.sampling import SampleInput
 from brake_fenicsx.samples.solve import by_bodies, displacements
 from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import Scene
@@ -131,23 +132,22 @@ def prepare_shapes(
     comm.Barrier()
     faces = contact_faces(study)
     run, drawn = _severe(study)
-    rest = [(study.sample(task), data) for task, data in first.items()]
-    shared, known = all(by_bodies(study.models, sample) for sample, _ in rest), dict[Task, Array]()
+    rest, known = _resting(study, first), dict[Task, Array]()
 
     fields = partial(_write_equilibria, study, first, faces, known)
     write = partial(spared, "fields of the equilibria", fields)
     # On one process: the factor of all bodies is large. The others take those of single bodies.
-    written = None if shared else meanwhile(write, comm)
+    written = None if rest else meanwhile(write, comm)
     modes = []
     for mode in (mode for chosen in drawn for mode in chosen):
         task = mode.approach, mode.sample
         stored = study.stored(task)
         modes.append((study.sample(task), stored, np.array([mode.mode])))
-    given = study.models, modes, comm, not shared, rest if shared else ()
+    given = study.models, modes, comm, not rest, rest
     found, missing = spared("shapes of modes", lambda: displacements(*given))
-    displaced = [u[:, 0].real for u, _ in (found or ())[len(modes) :]]
-    known |= dict(zip(first, displaced, strict=False))
-    lost, shapes, works = (written or meanwhile(write, comm))()[1], iter(found or ()), []
+    every = found or []
+    known |= zip(first, [u[:, 0].real for u, _ in every[len(modes) :]], strict=False)
+    lost, shapes, works = (written or meanwhile(write, comm))()[1], iter(every), []
     for chosen in drawn if found is not None else ():
         own = [next(shapes) for _ in chosen]
         works += _shape_works(study, run, chosen, [u[:, 0] for u, _ in own], pictures)
@@ -193,6 +193,14 @@ def contact_faces(study: Study) -> dict[str, AnyArray]:
     if study.comm.rank == 0:
         study.store.save("contact_faces.npz", **found)
     return found
+
+
+def _resting(
+    study: Study, first: Mapping[Task, Mapping[str, Any]]
+) -> list[tuple[SampleInput, Mapping[str, Any]]]:
+    """Samples and what was stored of them; none where a displacement takes the whole stiffness."""
+    given = [(study.sample(task), data) for task, data in first.items()]
+    return given if all(by_bodies(study.models, sample) for sample, _ in given) else []
 
 
 def _write_equilibria(

@@ -13,6 +13,7 @@ are followed.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from mpi4py import MPI
 
@@ -231,28 +232,28 @@ def mode_displacements(
         errors, shape (its modes,): of the motions at the contact, or of v in the worst body. Those
         at rest, if there are any, come last.
     """
-    matrices = _sharing([sample for sample, *_ in modes])
-    variables = [rows.variable(z) for _, z, _ in modes]
-    shapes = [(sum(b.dofs.size for b in sample.bodies), z.size) for sample, z, _ in modes]
+    matrices = _sharing([sample for sample, *_ in modes], rest[0] if rest else ())
+    sources = [partial(_driven, *mode, rows, left) for mode in modes]
+    out: list[tuple[Complex, Array]] = [
+        (np.zeros((sum(b.dofs.size for b in sample.bodies), z.size), complex), np.zeros(z.size))
+        for sample, z, _ in modes
+    ]
     if rest is not None:
-        matrices |= {(b.component, b""): matrices.get((b.component, b""), []) for b in rest[0]}
-        variables.append(rows.variable(rest[1]))
-        shapes.append((len(rest[2]), rest[1].size))
+        sources.append(partial(_loaded, *rest, rows))
+        out.append((np.zeros(rest[2].shape, complex), np.zeros(rest[1].size)))
     keys = list(matrices)
 
     def work(j: int) -> list[tuple[int, Index, Complex, Array]]:
         component, users = keys[j][0], matrices[keys[j]]
         release_memory()
-        P = component.polynomial(modes[users[0]][0].x if users else np.zeros(0))
+        P = component.polynomial(modes[users[0]][0].x if users[0] < len(modes) else np.zeros(0))
         P = [A.T.tocsr() for A in P] if left else P
         # All modes together: solves with few columns take as long as with one.
-        every = [(i, *b) for i in users for b in _driven(*modes[i], component, rows, left)]
-        every += [(len(modes), *b) for b in (_loaded(*rest, component) if rest else ())]
-        numbers, bodies, kept, load, errors = zip(*every, strict=True)
-        w = np.concatenate([variables[i] for i in numbers])
+        every = [(i, *b) for i in users for b in sources[i](component)]
+        numbers, bodies, w, kept, load, errors = zip(*every, strict=True)
         complement = Complement(P[0], component.mass, component.W, component.coupled)
         try:
-            v, settled = _left_out(complement, P, w, np.hstack(kept), np.hstack(load))
+            v, settled = _left_out(complement, P, np.hstack(w), np.hstack(kept), np.hstack(load))
         finally:
             complement.factor.destroy()
         ends = np.cumsum([a.shape[1] for a in kept])[:-1]
@@ -261,9 +262,6 @@ def mode_displacements(
         found = zip(numbers, bodies, parts, worst, strict=True)
         return [(i, body.dofs, body.signs[:, None] * u, error) for i, body, u, error in found]
 
-    out: list[tuple[Complex, Array]] = [
-        (np.zeros(shape, complex), np.zeros(shape[1])) for shape in shapes
-    ]
     for found in in_turns(len(keys), work, comm, aside):
         for i, dofs, u, error in found:
             out[i][0][dofs] = u
@@ -271,22 +269,26 @@ def mode_displacements(
     return out
 
 
-def _sharing(samples: Sequence[Sample]) -> dict[tuple[Component, bytes], list[int]]:
+def _sharing(
+    samples: Sequence[Sample], resting: Sequence[Placed]
+) -> dict[tuple[Component, bytes], list[int]]:
     """Bodies at points of the box that need a factor, and the numbers of the samples it serves."""
     found: dict[tuple[Component, bytes], list[int]] = {}
     for i, sample in enumerate(samples):
         for component in dict.fromkeys(body.component for body in sample.bodies):
             point = sample.x.tobytes() if component.body.changes else b""
             found.setdefault((component, point), []).append(i)
+    for component in dict.fromkeys(body.component for body in resting):
+        found.setdefault((component, b""), []).append(len(samples))
     return found
 
 
 def _driven(
-    sample: Sample, z: Complex, a: Complex, component: Component, rows: Rows, left: bool
-) -> Iterator[tuple[Placed, Complex, Complex, Array]]:
+    sample: Sample, z: Complex, a: Complex, rows: Rows, left: bool, component: Component
+) -> Iterator[tuple[Placed, Complex, Complex, Complex, Array]]:
     """A body and its mirror images under the modes of a sample.
 
-    What is kept, contact loads, and the relative errors of the motions at the contact.
+    The variable w, what is kept, contact loads, and relative errors of the motions at the contact.
     """
     if left:
         (force, error), along = left_motions(sample, z, a), rows.followed
@@ -299,17 +301,19 @@ def _driven(
         if body.component is component:
             acting, there = sample.closed.rows(number, len(along), body.elements.size)
             kept = times(component.W, a[body.modes])
-            yield body, kept, times(I[acting].T.tocsr(), force[there]), error
+            push = times(I[acting].T.tocsr(), force[there])
+            yield body, rows.variable(z), kept, push, error
 
 
 def _loaded(
-    bodies: Sequence[Placed], z: Complex, loads: Array, a: Array, component: Component
-) -> Iterator[tuple[Placed, Complex, Complex, Array]]:
+    bodies: Sequence[Placed], z: Complex, loads: Array, a: Array, rows: Rows, component: Component
+) -> Iterator[tuple[Placed, Complex, Complex, Complex, Array]]:
     """The same of a body and its mirror images under loads at rest."""
     for body in bodies:
         if body.component is component:
             push = -body.signs[:, None] * loads[body.dofs] + 0j
-            yield body, component.W @ a[body.modes] + 0j, push, np.zeros(z.size)
+            kept = component.W @ a[body.modes] + 0j
+            yield body, rows.variable(z), kept, push, np.zeros(z.size)
 
 
 def _left_out(
