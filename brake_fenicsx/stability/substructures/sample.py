@@ -31,6 +31,7 @@ from brake_fenicsx.arguments import AnyArray, Array, Complex, Index, Mask
 
 from ..eigensolvers.eigenpairs import times
 from . import component, contact_rows, parameters, polynomials, sample_problem
+from .sample_problem import column_products
 
 # First-order moves larger than this share of the distance to the next zero are not of first order.
 CLOSE = 0.125
@@ -306,19 +307,17 @@ class Sample(sample_problem.SampleProblem):
             if not rows.size:
                 continue
             left = q.left[np.r_[place, f * c + modes]].astype(np.complex64)
-            # Whole rows in one product cost less than picking the closed elements of each.
-            right = np.zeros((g * m + modes.size + comp.loads.shape[0], z.size), np.complex64)
-            right[np.r_[acting, g * m + np.arange(modes.size)]] = loads[np.r_[there, g * c + modes]]
+            right = loads[np.r_[there, g * c + modes]].astype(np.complex64)
+            columns = np.r_[acting, g * m + np.arange(modes.size)]
+            flat = rows[:, None] * comp.missing.shape[2] + columns
 
             def terms(
-                error: NDArray[np.float32], left: AnyArray = left,
-                rows: Index = rows, right: AnyArray = right,
+                errors: NDArray[np.float32], left: AnyArray = left,
+                flat: Index = flat, right: AnyArray = right,
             ) -> Complex:  # fmt: skip
                 """[eta; b]' A [J u; a] of several matrices A, shape (matrices, zeros)."""
-                picked = error if rows.size == error.shape[1] else error[:, rows]
-                picked = picked.reshape(-1, error.shape[2])
-                product = times(picked, right).reshape(len(error), rows.size, z.size)
-                return np.asarray(np.einsum("im,nim->nm", left, product))
+                picked = (np.take(error, flat, mode="clip") for error in errors)
+                return np.array([column_products(left, times(error, right)) for error in picked])
 
             lacks = np.array([1.0, 1j])[: len(comp.missing)] @ terms(comp.missing)
             total += np.abs(lacks) * comp.growth(w)
