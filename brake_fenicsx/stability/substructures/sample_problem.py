@@ -195,13 +195,17 @@ class SampleProblem:
             y, last = better, np.maximum(gained, 1e-300)
         slope = self.slope(z, (a, u, y), (b, eta, seen), moved)
         slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
-        rest = applied(self.own, w, a) + applied(self.forced, w, u)
-        products = b.T @ rest + eta.T @ unsolved, b.conj().T @ rest + eta.conj().T @ unsolved
+        rest, ends = applied(self.own, w, a) + applied(self.forced, w, u), np.vstack([eta, b])
+        missed = np.vstack([unsolved, rest])
+        real, imag = (
+            on_parts(lambda x, side=side: side.T @ x, missed) for side in (ends.real, ends.imag)
+        )
         rest, y = rest + applied(self.forced, w, self.gaps_and_rates(z, better - y)), better
         back = applied(self.own, w, b, True) + applied(self.source, w, eta, True)
         beside = BESIDE * (1.0 if self.rows.rates else 1j)
         left = left + _second_order(self.T, z, beside, rest, back) + _round_off(self.E, w, eta, u)
-        return Quotient(products, rest, slope, left / np.abs(slope), y, a, np.vstack([eta, b]))
+        products = real + 1j * imag, real - 1j * imag
+        return Quotient(products, rest, slope, left / np.abs(slope), y, a, ends)
 
     def residual(self, found: Zeros) -> Complex:
         """T(z) a of some zeros, with y after one step from its series: all but its last digits."""
