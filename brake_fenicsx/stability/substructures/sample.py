@@ -134,9 +134,7 @@ def assembled(
     own = np.zeros((max(len(views[0].modal), count if coupled else 0), size, size))
     lead = np.zeros((last, size, g * acting.count))
     source = np.zeros((last, f * followed.count, size))
-    D: list[AnyArray] = [
-        np.zeros((f * followed.count, g * acting.count), A.dtype) for A in views[0].D
-    ]
+    D: list[AnyArray] = []
     loads = bodies[0].component.loads.shape[0]
     load, push = np.zeros((last, size, loads)), np.zeros((count, f * followed.count, loads))
     for number, (body, view) in enumerate(zip(bodies, views, strict=True)):
@@ -157,9 +155,15 @@ def assembled(
                 source[n][seen, modes] -= A[O, X]
                 lead[n][modes, met] -= A[f * m :, I]
                 load[n][modes] -= A[f * m :, end:]
-        if O.size and I.size:
+        flat = O[:, None] * view.D[0].shape[1] + I
+        if number == 0 and flat.shape == (f * followed.count, g * acting.count):
+            # A body that has all elements has them in their order.
+            D = [np.take(A, flat, mode="clip") for A in view.D]
+            continue
+        D = D or [np.zeros((f * followed.count, g * acting.count), A.dtype) for A in view.D]
+        if flat.size:
             places = [[_square(a, b) for b in np.split(met, g)] for a in np.split(seen, f)]
-            _add(D, view.D, O[:, None] * view.D[0].shape[1] + I, places)
+            _add(D, view.D, flat, places)
     return BlockMatrix(own, lead, source, D, load, push)
 
 
