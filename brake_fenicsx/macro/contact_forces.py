@@ -81,10 +81,6 @@ class EnrichedGap:
         """Stiffness v of small vibrations about the state at g [Pa/m], and dv/dg [Pa/m^2]."""
         return self.laws.vibration(self.index, self.delta(g))
 
-    def part(self, some: Index) -> EnrichedGap:
-        """Some of the elements."""
-        return replace(self, index=self.index[some], g_cr=self.g_cr[some])
-
     def up_to(self, p: Array) -> EnrichedGap:
         """With laws that are known at these pressures [Pa] too; itself where they all are."""
         laws = self.laws.up_to(self.index, p)

@@ -263,9 +263,10 @@ def equilibrium(
     before = list[int]()
     near = start - laws.first_touch()
     some = np.sort(np.argsort(near)[: int(NEAR * np.sum(near < 0))])
-    if system.compliance.carried is not None and some.size:
+    if system.compliance.carried is not None and 0 < some.size < near.size:
         # Nearly all of the way, among the elements that are closed or nearly so.
-        few = Newton(system.part(some), laws.part(some), max_iterations)
+        chosen = replace(laws, index=laws.index[some], g_cr=laws.g_cr[some])
+        few = Newton(system.part(some), chosen, max_iterations)
         with suppress(NotConverged):
             (found, _), before, _ = few.at_once(start[some], tolerance**0.5)
             start = np.array(start)
