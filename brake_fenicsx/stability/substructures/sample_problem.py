@@ -197,9 +197,7 @@ class SampleProblem:
         slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
         rest, ends = applied(self.own, w, a) + applied(self.forced, w, u), np.vstack([eta, b])
         missed = np.vstack([unsolved, rest])
-        real, imag = (
-            on_parts(lambda x, side=side: side.T @ x, missed) for side in (ends.real, ends.imag)
-        )
+        real, imag = (times(side.T.copy(), missed) for side in (ends.real, ends.imag))
         rest, y = rest + applied(self.forced, w, self.gaps_and_rates(z, better - y)), better
         back = applied(self.own, w, b, True) + applied(self.source, w, eta, True)
         beside = BESIDE * (1.0 if self.rows.rates else 1j)
