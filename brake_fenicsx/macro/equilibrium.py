@@ -46,6 +46,9 @@ FIRST, SMALLEST, GROWTH = 0.25, 1e-3, 1.5
 # diagonal differs from 1 by less than LITTLE, unless nearly all, MOST, would be taken anyway.
 REFINEMENTS, REFINED, ENOUGH, LITTLE, MOST = 12, 1e-15, 1e-12, 1e-4, 0.9
 
+# Rows of the matrix of a Newton step that are made at once: they fit the cache of a core.
+ROWS = 64
+
 # Elements among which a start is made better, over those that are closed there.
 NEAR = 1.5
 
@@ -424,8 +427,11 @@ class Condensed:
         acts[:1] = True
         some, rubs = (slice(None) if A.all() else np.flatnonzero(A) for A in (acts, acts[:n]))
         NN, NT = c.NN[some][:, some], c.NT[some][:, rubs]
-        J, x = NN * stiffness[some], np.zeros_like(still)
-        J[:, : NT.shape[1]] -= NT * along[rubs]
+        J, x = np.empty(NN.shape), np.zeros_like(still)
+        # Some rows at a time, which stay in the cache: each large array passes memory once.
+        for rows in (slice(i, i + ROWS) for i in range(0, len(J), ROWS)):
+            np.multiply(NN[rows], stiffness[some], out=J[rows])
+            J[rows, : NT.shape[1]] -= NT[rows] * along[rubs]
         J[np.diag_indices_from(J)] += 1.0
         b = still[some] + NN @ pushed[some] + NT @ friction[rubs]
         x[some] = solved(J, b, NT.shape[1])

@@ -137,7 +137,8 @@ class SampleProblem:
             np.einsum("mn,n...->m...", rows.powers(len(A)), A).astype(self._precision)
             for A in (self.source, self.own)
         )
-        forced, powers = self.forced.astype(self._precision), rows.powers(len(E))
+        forced: Array = self.forced.astype(self._precision)
+        powers = rows.powers(len(E))
 
         def times_u(A: Coefficients, m: int, first: int) -> Iterator[Array]:
             """A_n (w^n u)_m of n = first and those after it."""
@@ -172,20 +173,22 @@ class SampleProblem:
         source = [times(A, a) for A in self.source]
         y, last = applied(self.y, z, a), np.full(z.size, np.inf)
         forced = applied(self.forced, w, b, transpose=True)
-        eta = self.solve(self.gaps_and_rates(z, forced), 1)
+        eta: Complex = self.solve(self.gaps_and_rates(z, forced), 1)
         # A step with few coefficients spares a whole one.
         seen = forced + self.left_response(z, eta, FIRST, self._precision)
-        change = self.solve(self.gaps_and_rates(z, seen) - eta, 1)
-        eta, step = eta + change, la.norm(change, axis=0)
+        change: Complex = self.solve(self.gaps_and_rates(z, seen) - eta, 1)
+        eta = eta + change
+        step = la.norm(change, axis=0)
         for _ in range(STEPS):
             u = self.gaps_and_rates(z, y)
             moved = [-times(A, u) for A in self.E]
             for n, product in enumerate(source):
                 moved[n] = moved[n] + product
-            unsolved = u - y + sum(w**n * x for n, x in enumerate(moved))
+            unsolved = u - y + np.sum([w**n * x for n, x in enumerate(moved)], axis=0)
             seen = forced + self.left_response(z, eta)
             change = self.solve(self.gaps_and_rates(z, seen) - eta, 1)
-            eta, better = eta + change, y + self.solve(unsolved)
+            eta = eta + change
+            better = y + self.solve(unsolved)
             # eta gains by both steps what it gained by this one, y what it did.
             gained = np.abs(column_products(change, unsolved))
             before, step = np.maximum(step, 1e-300), la.norm(change, axis=0)
