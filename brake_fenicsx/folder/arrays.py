@@ -22,6 +22,7 @@ import zlib
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import IO, Any
 
@@ -288,13 +289,22 @@ def _header(stream: Any, size: int) -> tuple[tuple[int, ...], bool, np.dtype[Any
     version = npy.read_magic(stream)
     if version not in ((1, 0), (2, 0)):
         raise ValueError(f"version {version} of the npy format is not known")
-    header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-    shape, turned, dtype = header(stream)
+    length = stream.read(2 * version[0])
+    rest = stream.read(min(int.from_bytes(length, "little"), HEADER))
+    shape, turned, dtype = _parsed(version, length + rest)
     if dtype.hasobject:
         raise ValueError("Python objects are not read")
     declared, there = math.prod(shape) * dtype.itemsize, size - stream.tell()
     if declared != there or min(shape, default=0) < 0:
         raise ValueError(f"its header declares {declared} bytes, and {there} follow")
+    return shape, turned, dtype
+
+
+@lru_cache(1024)
+def _parsed(version: tuple[int, int], header: bytes) -> tuple[tuple[int, ...], bool, Any]:
+    """The same of the header alone: those of samples repeat, and take longer than their arrays."""
+    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, turned, dtype = read(io.BytesIO(header))
     return shape, turned, dtype
 
 

@@ -19,6 +19,7 @@ Nothing is factored. It contracts by the largest |eigenvalue| of K^-1 dK, which 
 
 import time
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -28,7 +29,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from brake_fenicsx.arguments import Array, Mask
+from brake_fenicsx.arguments import Array, Index, Mask
 from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.iteration import Steps, sizes
 
@@ -47,6 +48,9 @@ REFINEMENTS, REFINED, ENOUGH, LITTLE, MOST = 12, 1e-15, 1e-12, 1e-4, 0.9
 
 # Rows of the matrix of a Newton step that are made at once: they fit the cache of a core.
 ROWS = 64
+
+# Elements among which a start is made better, over those that are closed there.
+NEAR = 1.5
 
 
 class Solves(Protocol):
@@ -196,7 +200,8 @@ class Equilibrium:
             no contact has yielded.
         mu: friction coefficient of the equilibrium, one or one per element (0: solved without
             friction).
-        iterations: Newton iterations of each load step.
+        iterations: Newton iterations of each load step; those of a start are two, the first one of
+            the elements near contact alone.
         residual: norm of the full residual relative to the contact forces, both in the norm of
             the interface compliance.
         history: residuals of the last load step, one per iteration.
@@ -256,8 +261,21 @@ def equilibrium(
     began = time.perf_counter()
     system = Condensed(ops.compliance, ops.w, ops.g0, mu)
     newton = Newton(system, laws, max_iterations)
-    found = newton.ramp(steps, tolerance) if start is None else newton.at_once(start, tolerance)
-    return record(laws, mu, found, began)
+    if start is None:
+        return record(laws, mu, newton.ramp(steps, tolerance), began)
+    before = list[int]()
+    near = start - laws.first_touch()
+    some = np.sort(np.argsort(near)[: int(NEAR * np.sum(near < 0))])
+    if system.compliance.carried is not None and 0 < some.size < near.size:
+        # Nearly all of the way, among the elements that are closed or nearly so.
+        chosen = replace(laws, index=laws.index[some], g_cr=laws.g_cr[some])
+        few = Newton(system.part(some), chosen, max_iterations)
+        with suppress(NotConverged):
+            (found, _), before, _ = few.at_once(start[some], tolerance**0.5)
+            start = np.array(start)
+            start[some] = found
+    state, counts, history = newton.at_once(start, tolerance)
+    return record(laws, mu, (state, before + counts, history), began)
 
 
 def raised_friction(
@@ -398,23 +416,36 @@ class Condensed:
         """Gaps of the system whose contact pressures are a - k g."""
         c, n = self.compliance, self.w.size
         k0 = c.k0 if c.carried is None else 0.0
-        rhs = load * c.Nf + c.NN[:, :n] @ (self.w * (a - k0 * self.g0))
-        rhs[:n] += self.g0
-        stiffness = np.ones(rhs.size)
-        stiffness[:n] = self.w * (k - k0)
-        J = np.empty_like(c.NN)
-        along = None
-        if np.any(self.mu):
-            forces = patch_forces(self.w, a, k, sliding(self.mu, a))
-            rhs += c.NT @ forces.value[1]
-            along = forces.gap[1]
+        pushed, stiffness, still = np.zeros_like(c.Nf), np.ones_like(c.Nf), load * c.Nf
+        pushed[:n], stiffness[:n] = self.w * (a - k0 * self.g0), self.w * (k - k0)
+        still[:n] += self.g0
+        forces = patch_forces(self.w, a, k, sliding(self.mu, a))
+        friction, along = forces.value[1], forces.gap[1]
+        # Open elements only follow: nothing acts in them.
+        acts = (stiffness != 0) | (pushed != 0)
+        acts[:n] |= (along != 0) | (friction != 0)
+        acts[:1] = True
+        some, rubs = (slice(None) if A.all() else np.flatnonzero(A) for A in (acts, acts[:n]))
+        NN, NT = c.NN[some][:, some], c.NT[some][:, rubs]
+        J, x = np.empty(NN.shape), np.zeros_like(still)
         # Some rows at a time, which stay in the cache: each large array passes memory once.
-        for rows in (slice(i, i + ROWS) for i in range(0, rhs.size, ROWS)):
-            np.multiply(c.NN[rows], stiffness, out=J[rows])
-            if along is not None:
-                J[rows, :n] -= c.NT[rows] * along
+        for rows in (slice(i, i + ROWS) for i in range(0, len(J), ROWS)):
+            np.multiply(NN[rows], stiffness[some], out=J[rows])
+            J[rows, : NT.shape[1]] -= NT[rows] * along[rubs]
         J[np.diag_indices_from(J)] += 1.0
-        return solved(J, rhs, n)[:n]
+        b = still[some] + NN @ pushed[some] + NT @ friction[rubs]
+        x[some] = solved(J, b, NT.shape[1])
+        followed = c.NN @ (pushed - stiffness * x) + c.NT @ (friction + along * x[:n])
+        return np.where(acts, x, still + followed)[:n]
+
+    def part(self, some: Index) -> "Condensed":
+        """Some elements, where all others are open; no springs k0 are in the compliance."""
+        c, n = self.compliance, self.w.size
+        rows = np.r_[some, n : len(c.NN)]
+        NN, NT = c.NN[rows][:, rows], c.NT[rows][:, some]
+        seen = replace(c, k0=c.k0[some], NN=NN, NT=NT, Nf=c.Nf[rows])
+        mu = np.broadcast_to(self.mu, n)[some]
+        return Condensed(seen, self.w[some], self.g0[some], mu)
 
     def norm(self, pressure: Array) -> float:
         """Norm of the forces of some pressures, weighted with the compliance."""

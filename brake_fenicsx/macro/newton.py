@@ -139,37 +139,36 @@ class Newton:
     ) -> tuple[State, list[float]]:
         """Newton's iteration at one load."""
         g, t = state
-        history = [self._residual(g, t) if load == 1.0 else np.inf]
+        p, k = self.laws.loading(g)
+        history = [self._residual(t, p) if hold and load == 1.0 else np.inf]
         for i in range(self.most):
             # Far from equilibrium weak springs hold what no element holds yet; they fade with
             # the residual, so that the last steps are Newton's. Beside a stiff penalty they too are
             # stiffer than the bodies and let an element open by a small part of its way in each
             # step: after a while they are halved every time.
-            p, k = self.laws.loading(g)
             k = k + hold * min(history[-1], 0.5 ** max(i - PATIENCE, 0))
             # The pressures t are those of the very system that was solved: from p - k (g_new - g)
             # round-off of a gap of metres, where a part has come loose, would make any state one.
             a = p + k * g
             g_new = self.system.linear(load, a, k)
             t_new = a - k * g_new
-            s = self._line_search(g, t, g_new - g, t_new - t)
+            s, p, k = self._line_search(g, t, p, g_new - g, t_new - t)
             g, t = g + s * (g_new - g), t + s * (t_new - t)
-            history.append(self._residual(g, t))
+            history.append(self._residual(t, p))
             if np.isnan(history[-1]):
                 break
             # Only a full step moves the loads of the state to the present ones.
-            if s == 1.0 and history[-1] < max(tolerance, self._reachable(history, g)):
+            if s == 1.0 and history[-1] < max(tolerance, self._reachable(history, g, p, k)):
                 self._check_tilt(g)
                 return (g, t), history
         raise NotConverged(f"""equilibrium: not converged after {len(history) - 1} iterations
             (residual {history[-1]:.2e}, {tolerance:.0e} needed); check supports and loads, then
             raise the load steps""")
 
-    def _reachable(self, history: list[float], g: Array) -> float:
+    def _reachable(self, history: list[float], g: Array, p: Array, k: Array) -> float:
         """Residual that round-off of the gaps and pressures leaves, once steps gain nothing."""
         if not history[-1] > 0.5 * history[-2]:
             return 0.0
-        p, k = self.laws.loading(g)
         gaps = np.abs(g) + np.abs(self.laws.g_cr) + np.abs(self.system.g0)
         size = self.system.norm(p)
         noise = np.finfo(float).eps * (np.abs(p) + k * gaps)
@@ -189,12 +188,15 @@ class Newton:
             raise NotConverged(f"""equilibrium: a part tips or comes loose, gaps of the contact
                 differ by {spread:.2g} m; lower the friction, or change supports or loads""")
 
-    def _line_search(self, g: Array, t: Array, dg: Array, dt: Array) -> float:
-        """Step at which the work of the residual along the direction has dropped enough."""
-        w, laws = self.system.w, self.laws
+    def _line_search(
+        self, g: Array, t: Array, p: Array, dg: Array, dt: Array
+    ) -> tuple[float, Array, Array]:
+        """Step at which the work of the residual along it has dropped enough, and p and k there."""
+        w, loading = self.system.w, [(p, p)]
 
         def work(s: float) -> float:
-            return float(np.sum(w * (t + s * dt - laws.pressure(g + s * dg)) * dg))
+            loading[0] = self.laws.loading(g + s * dg) if s else loading[0]
+            return float(np.sum(w * (t + s * dt - loading[0][0]) * dg))
 
         low, high, f_low = 0.0, 1.0, work(0.0)
         at_zero, f_high = f_low, work(1.0)
@@ -204,7 +206,7 @@ class Newton:
         small = ROUND_OFF * float(np.sum(w * np.abs(t * dg)))
         enough = abs(f_high) <= max(0.8 * abs(at_zero), small)
         if enough or at_zero == 0.0 or f_high * at_zero > 0:
-            return high
+            return high, *loading[0]
         for i in range(30):
             s = 0.5 * (low + high) if i % 3 == 2 else low - f_low * (high - low) / (f_high - f_low)
             value = work(s)
@@ -214,10 +216,9 @@ class Newton:
                 low, f_low = s, value
             else:
                 high, f_high = s, value
-        return float(s)
+        return float(s), *loading[0]
 
-    def _residual(self, g: Array, t: Array) -> float:
+    def _residual(self, t: Array, p: Array) -> float:
         """Norm of the full residual over the norm of the contact forces."""
-        p = self.laws.pressure(g)
         size = self.system.norm(p)
         return self.system.norm(t - p) / size if size > 0 else np.inf

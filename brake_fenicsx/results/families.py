@@ -169,7 +169,7 @@ class ModeFamilies:
             grown[grown < likeness.max(axis=0) - ALIKE] = 0.0
             _match(family, grown, [*self.grown], RESEMBLES)
             _match(family, likeness, [*every], LEAST)
-            free = {n: v for n, v in every.items() if n not in family}
+            free = {n: every[n] for n in sorted(every.keys() - {*family.tolist()})}
             inside = self._in_planes(free, X, f, np.flatnonzero(family < 0), inside=True)
             _match(family, inside, [*free], LEAST)
         for j in np.flatnonzero(family < 0):
@@ -198,14 +198,13 @@ class ModeFamilies:
 
 def _match(family: Index, likeness: Array, numbers: list[int], least: float) -> None:
     """Give modes without a family one that no mode has yet, the best match first."""
-    likeness = likeness.copy()
-    likeness[[n in family for n in numbers], :] = likeness[:, family >= 0] = -1.0
-    for _ in range(min(likeness.shape)):
-        i, j = np.unravel_index(np.argmax(likeness), likeness.shape)
-        if likeness[i, j] < least:
-            break
-        family[j] = numbers[i]
-        likeness[i, :], likeness[:, j] = -1.0, -1.0
+    taken, flat = {*family.tolist()}, likeness.ravel()
+    good = np.flatnonzero(flat >= least)
+    for place in good[np.argsort(-flat[good], kind="stable")].tolist():
+        i, j = divmod(place, family.size)
+        if family[j] < 0 and numbers[i] not in taken:
+            family[j] = numbers[i]
+            taken.add(numbers[i])
 
 
 def family_shapes(places: Array, u: Complex, numbers: Index) -> dict[str, AnyArray]:

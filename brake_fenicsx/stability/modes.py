@@ -26,6 +26,8 @@ from brake_fenicsx.display import Shown, html_table, mesh_grid
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.mac import mac
 
+from .eigensolvers.eigenpairs import times
+
 # alpha beyond this share of |lambda| is called unstable; below it the model decides nothing.
 THRESHOLD = 1e-6
 # Modes below this share of the largest |lambda| are rigid.
@@ -304,7 +306,7 @@ def energy_shares(parts: Mapping[str, Any], phi: Complex) -> dict[str, Array]:
         SceneError: a mode has no energy in any part.
     """
     energy = {
-        name: np.maximum(np.einsum("im,im->m", phi.conj(), A @ phi).real, 0.0)
+        name: np.maximum(np.einsum("im,im->m", phi.conj(), times(A, phi)).real, 0.0)
         for name, A in parts.items()
     }
     total = np.sum(list(energy.values()), axis=0)

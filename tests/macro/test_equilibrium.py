@@ -12,7 +12,7 @@ from scipy.sparse.linalg import spsolve
 from brake_fenicsx.errors import NotConverged, Separated
 from brake_fenicsx.macro import EnrichedGap, displacement, draw_critical_gaps
 from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
-from brake_fenicsx.macro.equilibrium import equilibrium, solved
+from brake_fenicsx.macro.equilibrium import Compliance, equilibrium, solved
 from brake_fenicsx.macro.newton import Newton
 from brake_fenicsx.micro import (
     LawRecipe,
@@ -140,7 +140,8 @@ def test_the_full_step_is_taken_where_the_residual_is_round_off():
     newton = Newton(SimpleNamespace(w=np.full(3, 1e-5)), laws, 60)
     for size, step in ((1e-15, 1.0), (1e-6, 0.5)):
         off, dg = size * k * g, 1e-3 * g
-        chosen = newton._line_search(g, laws.pressure(g) + off, dg, -k * dg - 2 * off)
+        p = laws.pressure(g)
+        chosen, *_ = newton._line_search(g, p + off, p, dg, -k * dg - 2 * off)
         assert chosen == pytest.approx(step)
 
 
@@ -260,3 +261,20 @@ def test_refinement_solves_to_double_precision(spread):
     assert backward < 1e-14
     forward = np.linalg.norm(x - np.linalg.solve(dense, b)) / np.linalg.norm(x)
     assert forward < 1e-13 * np.linalg.cond(dense)
+
+
+@pytest.mark.parametrize("closed", [2, 30])
+def test_elements_that_close_on_the_way_from_a_start(closed):
+    """What is found among the elements near contact at the start is a start for all of them."""
+    rng = np.random.default_rng(3)
+    n = 60
+    A = rng.normal(size=(n, n))
+    NN, NT = 1e-7 * (A @ A.T / n + np.eye(n)), 2e-9 * rng.normal(size=(n, n))
+    bodies = Compliance(None, np.full(n, 1e11), NN, NT, np.full(n, -3e-6), carried=1.0)
+    ops = SimpleNamespace(w=np.full(n, 1e-5), g0=np.zeros(n), compliance=bodies)
+    laws = EnrichedGap(OneLaw(linear_law(1e12)), np.zeros(n, int), rng.normal(0.0, 2e-6, n))
+    start = laws.first_touch() + np.where(np.arange(n) < closed, -1e-7, 5e-6)
+    whole = equilibrium(ops, laws, 0.4)
+    found = equilibrium(ops, laws, 0.4, start=start)
+    assert np.sum(whole.p > 0) > 10 and len(found.iterations) == 2
+    np.testing.assert_allclose(found.p, whole.p, rtol=1e-8, atol=1e-9 * whole.p.max())

@@ -27,7 +27,7 @@ import scipy.linalg as la
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.iteration import Steps, sizes
 
-from ..eigensolvers.eigenpairs import times
+from ..eigensolvers.eigenpairs import on_parts, times
 from .contact_rows import SIGMA, Rows
 
 Coefficients = Array | Sequence[Array]
@@ -248,7 +248,7 @@ def _bound(A: Array) -> float:
 
 def _companion(T: Array, near: Callable[[Complex], Index]) -> Zeros:
     """All finite zeros."""
-    degree, n = len(T) - 1, T.shape[1]
+    degree, n, T = len(T) - 1, T.shape[1], T.astype(float)
     A = np.eye(n * degree, k=n)
     lu = la.lu_factor(T[0], check_finite=False)
     A[-n:] = -la.lu_solve(lu, np.hstack([*T[:0:-1]]), check_finite=False)
@@ -259,7 +259,7 @@ def _companion(T: Array, near: Callable[[Complex], Index]) -> Zeros:
     # Right vectors are (x, w x, w^2 x, ...): the last block is never small. Of a left vector u'
     # the last block is b' T_0.
     X, U = right[-n:, kept[chosen]], left[-n:, kept[chosen]].conj()
-    b = la.lu_solve(lu, U.real, trans=1) + 1j * la.lu_solve(lu, U.imag, trans=1)
+    b = on_parts(lambda x: la.lu_solve(lu, x, trans=1, check_finite=False), U)
     return Zeros(every, chosen, X / la.norm(X, axis=0), b / la.norm(b, axis=0))
 
 

@@ -31,6 +31,7 @@ from brake_fenicsx.arguments import AnyArray, Array, Complex, Index, Mask
 
 from ..eigensolvers.eigenpairs import times
 from . import component, contact_rows, parameters, polynomials, sample_problem
+from .sample_problem import column_products
 
 # First-order moves larger than this share of the distance to the next zero are not of first order.
 CLOSE = 0.125
@@ -133,9 +134,7 @@ def assembled(
     own = np.zeros((max(len(views[0].modal), count if coupled else 0), size, size))
     lead = np.zeros((last, size, g * acting.count))
     source = np.zeros((last, f * followed.count, size))
-    D: list[AnyArray] = [
-        np.zeros((f * followed.count, g * acting.count), A.dtype) for A in views[0].D
-    ]
+    D: list[AnyArray] = []
     loads = bodies[0].component.loads.shape[0]
     load, push = np.zeros((last, size, loads)), np.zeros((count, f * followed.count, loads))
     for number, (body, view) in enumerate(zip(bodies, views, strict=True)):
@@ -156,9 +155,15 @@ def assembled(
                 source[n][seen, modes] -= A[O, X]
                 lead[n][modes, met] -= A[f * m :, I]
                 load[n][modes] -= A[f * m :, end:]
-        if O.size and I.size:
+        flat = O[:, None] * view.D[0].shape[1] + I
+        if number == 0 and flat.shape == (f * followed.count, g * acting.count):
+            # A body that has all elements has them in their order.
+            D = [np.take(A, flat, mode="clip") for A in view.D]
+            continue
+        D = D or [np.zeros((f * followed.count, g * acting.count), A.dtype) for A in view.D]
+        if flat.size:
             places = [[_square(a, b) for b in np.split(met, g)] for a in np.split(seen, f)]
-            _add(D, view.D, O[:, None] * view.D[0].shape[1] + I, places)
+            _add(D, view.D, flat, places)
     return BlockMatrix(own, lead, source, D, load, push)
 
 
@@ -306,19 +311,17 @@ class Sample(sample_problem.SampleProblem):
             if not rows.size:
                 continue
             left = q.left[np.r_[place, f * c + modes]].astype(np.complex64)
-            # Whole rows in one product cost less than picking the closed elements of each.
-            right = np.zeros((g * m + modes.size + comp.loads.shape[0], z.size), np.complex64)
-            right[np.r_[acting, g * m + np.arange(modes.size)]] = loads[np.r_[there, g * c + modes]]
+            right = loads[np.r_[there, g * c + modes]].astype(np.complex64)
+            columns = np.r_[acting, g * m + np.arange(modes.size)]
+            flat = rows[:, None] * comp.missing.shape[2] + columns
 
             def terms(
-                error: NDArray[np.float32], left: AnyArray = left,
-                rows: Index = rows, right: AnyArray = right,
+                errors: NDArray[np.float32], left: AnyArray = left,
+                flat: Index = flat, right: AnyArray = right,
             ) -> Complex:  # fmt: skip
                 """[eta; b]' A [J u; a] of several matrices A, shape (matrices, zeros)."""
-                picked = error if rows.size == error.shape[1] else error[:, rows]
-                picked = picked.reshape(-1, error.shape[2])
-                product = times(picked, right).reshape(len(error), rows.size, z.size)
-                return np.asarray(np.einsum("im,nim->nm", left, product))
+                picked = (np.take(error, flat, mode="clip") for error in errors)
+                return np.array([column_products(left, times(error, right)) for error in picked])
 
             lacks = np.array([1.0, 1j])[: len(comp.missing)] @ terms(comp.missing)
             total += np.abs(lacks) * comp.growth(w)

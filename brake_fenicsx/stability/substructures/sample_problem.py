@@ -42,8 +42,8 @@ GROUPS, BESIDE = 4, 0.1
 # Stated of a group of zeros beside which T is singular: an error beyond the band.
 UNKNOWN = 10.0
 
-# Coefficients for the first step of eta where forces follow rates.
-FIRST = 2
+# Coefficients for the first step of eta.
+FIRST = 3
 
 # Round-off of matrices and eigenvalues in double precision, of the reduced model and of full order,
 # in units of the band's end squared: a difference of 5.1e-10 was measured on the reference brake
@@ -96,12 +96,10 @@ class SampleProblem:
         T: those of T(z), as many as it takes.
     """
 
-    # Precision of the LU factor of 1 + (E_0 - 1) Lambda_0.
+    # Precision of the LU factor of 1 + (E_0 - 1) Lambda_0, and of T and its zeros.
     _precision: type = float
 
-    def __init__(
-        self, E: Sequence[Array], source: Array, forced: Coefficients, own: Array, rows: Rows
-    ):
+    def __init__(self, E: Sequence[Array], source: Array, forced: Array, own: Array, rows: Rows):
         """Take the coefficients, and expand T.
 
         Args:
@@ -134,10 +132,12 @@ class SampleProblem:
         sizes: list[float] = []
         gaps, rates = self.gaps, rows.rates
         end = float(np.hypot(1.0, rows.shift) if rates else 1.0 + SIGMA)
-        # In powers of z.
+        # In powers of z; zeros of a truncated series need no more digits than its factor has.
         source, own = (
-            np.einsum("mn,n...->m...", rows.powers(len(A)), A) for A in (self.source, self.own)
+            np.einsum("mn,n...->m...", rows.powers(len(A)), A).astype(self._precision)
+            for A in (self.source, self.own)
         )
+        forced: Array = self.forced.astype(self._precision)
         powers = rows.powers(len(E))
 
         def times_u(A: Coefficients, m: int, first: int) -> Iterator[Array]:
@@ -157,7 +157,7 @@ class SampleProblem:
             y.append(self.solve(rhs))
             u.append(np.vstack([y[m][:gaps], rows.shift * y[m][gaps:] + slips]))
             T.append(own[m] if m < len(own) else np.zeros_like(own[0]))
-            T[m] += sum(times_u(self.forced, m, 0))
+            T[m] += sum(times_u(forced, m, 0))
             sizes.append(float(la.norm(T[m])) * end**m)
             if m >= LEAST[rates] and max(sizes[-2 if rates else -1 :]) <= SETTLED * sizes[0]:
                 return np.array(y), np.array(T)
@@ -169,15 +169,16 @@ class SampleProblem:
     def quotient(self, found: Zeros) -> Quotient:
         """The two-sided quotient with all coefficients, for some zeros."""
         z, a, b = found.z, found.right, found.left
-        w, gaps = self.rows.variable(z), self.gaps
+        w = self.rows.variable(z)
         source = [times(A, a) for A in self.source]
         y, last = applied(self.y, z, a), np.full(z.size, np.inf)
         forced = applied(self.forced, w, b, transpose=True)
-        eta = self.solve(self.gaps_and_rates(z, forced), 1)
-        if gaps < len(eta):
-            # Lambda is far from that of z = 0: a step with few coefficients spares a whole one.
-            seen = forced + self.left_response(z, eta, FIRST)
-            eta = eta + self.solve(self.gaps_and_rates(z, seen) - eta, 1)
+        eta: Complex = self.solve(self.gaps_and_rates(z, forced), 1)
+        # A step with few coefficients spares a whole one.
+        seen = forced + self.left_response(z, eta, FIRST, self._precision)
+        change: Complex = self.solve(self.gaps_and_rates(z, seen) - eta, 1)
+        eta = eta + change
+        step = la.norm(change, axis=0)
         for _ in range(STEPS):
             u = self.gaps_and_rates(z, y)
             moved = [-times(A, u) for A in self.E]
@@ -187,21 +188,25 @@ class SampleProblem:
             seen = forced + self.left_response(z, eta)
             change = self.solve(self.gaps_and_rates(z, seen) - eta, 1)
             eta = eta + change
+            better = y + self.solve(unsolved)
             # eta gains by both steps what it gained by this one, y what it did.
-            gained = np.abs(_paired(change, unsolved))
-            size = la.norm(change, axis=0) / np.maximum(la.norm(eta, axis=0), 1e-300)
-            left = remaining(gained, np.maximum(size, np.sqrt(gained / last)))
+            gained = np.abs(column_products(change, unsolved))
+            before, step = np.maximum(step, 1e-300), la.norm(change, axis=0)
+            left = remaining(gained, np.maximum(step / before, np.sqrt(gained / last)))
             if np.all(left <= ROUND_OFF):
                 break
-            y, last = y + self.solve(unsolved), np.maximum(gained, 1e-300)
+            y, last = better, np.maximum(gained, 1e-300)
         slope = self.slope(z, (a, u, y), (b, eta, seen), moved)
         slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
-        rest = applied(self.own, w, a) + applied(self.forced, w, u)
-        products = b.T @ rest + eta.T @ unsolved, b.conj().T @ rest + eta.conj().T @ unsolved
+        rest, ends = applied(self.own, w, a) + applied(self.forced, w, u), np.vstack([eta, b])
+        missed = np.vstack([unsolved, rest])
+        real, imag = (times(side.T.copy(), missed) for side in (ends.real, ends.imag))
+        rest, y = rest + applied(self.forced, w, self.gaps_and_rates(z, better - y)), better
         back = applied(self.own, w, b, True) + applied(self.source, w, eta, True)
         beside = BESIDE * (1.0 if self.rows.rates else 1j)
         left = left + _second_order(self.T, z, beside, rest, back) + _round_off(self.E, w, eta, u)
-        return Quotient(products, rest, slope, left / np.abs(slope), y, a, np.vstack([eta, b]))
+        products = real + 1j * imag, real - 1j * imag
+        return Quotient(products, rest, slope, left / np.abs(slope), y, a, ends)
 
     def residual(self, found: Zeros) -> Complex:
         """T(z) a of some zeros, with y after one step from its series: all but its last digits."""
@@ -229,13 +234,13 @@ class SampleProblem:
         (a, u, y), (b, eta, seen) = right, left
         w, total = self.rows.variable(z), np.zeros(z.size, complex)
         for n in range(1, len(moved)):
-            term = _paired(eta, moved[n])
+            term = column_products(eta, moved[n])
             for A, x in ((self.own, a), (self.forced, u)):
                 if n < len(A):
-                    term = term + _paired(b, times(A[n], x))
+                    term = term + column_products(b, times(A[n], x))
             total += n * w ** (n - 1) * term
         # Lambda depends on z, too.
-        rates = _paired(seen[self.gaps :], y[self.gaps :])
+        rates = column_products(seen[self.gaps :], y[self.gaps :])
         return np.asarray(self.rows.slope(z) * total + rates)
 
     def gaps_and_rates(self, z: Complex, y: Complex) -> Complex:
@@ -256,13 +261,13 @@ class SampleProblem:
             return x
 
         def real(x: Array) -> Array:
-            found = la.lu_solve(lu, x.astype(self._precision), trans=trans, check_finite=False)
-            return np.asarray(found, float)
+            x = x.astype(self._precision, copy=False)
+            return np.asarray(la.lu_solve(lu, x, trans=trans, check_finite=False))
 
         return on_parts(real, x) if np.iscomplexobj(x) else real(x)
 
 
-def _paired(left: Complex, right: Complex) -> Complex:
+def column_products(left: Complex, right: Complex) -> Complex:
     """Products of columns, not conjugated."""
     return np.asarray(np.einsum("im,im->m", left, right))
 
@@ -287,12 +292,10 @@ def _second_order(T: Array, z: Complex, beside: complex, rest: Complex, back: Co
     for group in np.array_split(np.argsort(np.abs(z), kind="stable"), GROUPS):
         if group.size:
             near = np.tensordot((z[group].mean() + beside) ** np.arange(len(T)), T, 1)
-            try:
-                x = np.linalg.solve(near, rest[:, group])
-            except np.linalg.LinAlgError:  # another zero lies just there
-                out[group] = UNKNOWN
-            else:
-                out[group] = np.abs(_paired(back[:, group], np.asarray(x, complex)))
+            given = near.astype(np.complex64), rest[:, group].astype(np.complex64)
+            *_, x, singular = la.lapack.cgesv(*given)  # an estimate: single precision will do
+            found = np.abs(column_products(back[:, group], x.astype(complex)))
+            out[group] = UNKNOWN if singular else found  # another zero lies just there
     return out
 
 
