@@ -84,13 +84,16 @@ def shifted_factor(
     return None
 
 
-def factor_near(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[Factor, float]:
+def factor_near(
+    K: sp.csr_matrix, M: sp.csr_matrix, kappa: float, solves: bool = True
+) -> tuple[Factor, float]:
     """Factor of K_s - kappa M, a little higher where that is singular.
 
     Args:
         K: K_s [N/m].
         M: mass [kg].
         kappa: the shift wanted [1/s^2].
+        solves: whether the factor is kept for them, or its inertia alone.
 
     Returns:
         The factor and its shift.
@@ -101,7 +104,7 @@ def factor_near(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[Facto
     for step in (0.0, 1e-6, 1e-4, MOVED):
         at = kappa * (1 + step) if kappa > 0 else kappa * (1 - step)
         try:
-            return Factor((K - at * M).tocsr(), "brake_inertia_"), at
+            return Factor((K - at * M).tocsr(), "brake_inertia_", solves=solves), at
         except InaccurateResult:
             continue
     raise InaccurateResult(f"""inertia: K - kappa M is singular at and near
@@ -122,7 +125,7 @@ def count_below(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[int, 
     Raises:
         InaccurateResult: the matrix cannot be factored there nor nearby.
     """
-    factor, at = factor_near(K, M, kappa)
+    factor, at = factor_near(K, M, kappa, solves=False)
     factor.destroy()
     return factor.negative_pivots, at
 
