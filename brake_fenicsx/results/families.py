@@ -198,10 +198,10 @@ class ModeFamilies:
 
 def _match(family: Index, likeness: Array, numbers: list[int], least: float) -> None:
     """Give modes without a family one that no mode has yet, the best match first."""
-    taken, flat = {*family.tolist()}, likeness.ravel()
+    taken, flat = {int(n) for n in family}, likeness.ravel()
     good = np.flatnonzero(flat >= least)
-    for place in good[np.argsort(-flat[good], kind="stable")].tolist():
-        i, j = divmod(place, family.size)
+    for place in good[np.argsort(-flat[good], kind="stable")]:
+        i, j = divmod(int(place), family.size)
         if family[j] < 0 and numbers[i] not in taken:
             family[j] = numbers[i]
             taken.add(numbers[i])

@@ -218,10 +218,8 @@ class ReducedModel:
         chosen, rest = [], None
         if loads is not None:
             push = self.coordinates(sp.identity(len(loads), format="csr"), loads)
-            moved, z = (
-                self.flexibilities[:, None] * push,
-                self.scaled(np.zeros(loads.shape[1]) + 0j),
-            )
+            moved = self.flexibilities[:, None] * push
+            z = self.scaled(np.zeros(loads.shape[1], complex))
             rest = self.bodies, z, np.asarray(loads / self.omega**2), np.asarray(moved)
         for p, contact, s, a in modes:
             chosen.append((self.sample(p, contact), self.scaled(s), a.conj() if left else a))

@@ -311,9 +311,9 @@ def _loaded(
     """The same of a body and its mirror images under loads at rest."""
     for body in bodies:
         if body.component is component:
-            push = -body.signs[:, None] * loads[body.dofs] + 0j
-            kept = component.W @ a[body.modes] + 0j
-            yield body, rows.variable(z), kept, push, np.zeros(z.size)
+            push = np.asarray(-body.signs[:, None] * loads[body.dofs], complex)
+            kept, error = np.asarray(component.W @ a[body.modes], complex), np.zeros(z.shape)
+            yield body, rows.variable(z), kept, push, error
 
 
 def _left_out(
