@@ -254,7 +254,7 @@ class Determinant:
         self.R[0] += np.eye(friction.rank)
         values, vectors = la.eigh(moments.LL - kept(self.Q, self.m))
         self.B = np.sqrt(np.maximum(values, 0.0)) * vectors
-        self._small = len(self.R) == 1 and len(away) < friction.rank
+        self._small = len(self.R) == 1 and 0 < len(away) < friction.rank
         if self._small:
             self._prepare()
         size = max(modes.limit / self.limit, 1.0)
