@@ -47,8 +47,8 @@ MUMPS = {"mat_mumps_icntl_14": 40, "mat_mumps_icntl_24": 1, "mat_mumps_icntl_27"
 # factor: what one that went wrong exceeds by far.
 DIFFERENCE = 1e-6
 
-# Option that throws the factor away: what is left are pivots, and the Schur complement.
-THROWN = "mat_mumps_icntl_31"
+# Option that discards the factor: what is left are the pivots and the Schur complement.
+DISCARDED = "mat_mumps_icntl_31"
 
 # Symbols are looked up through the module that is linked with the library.
 _petsc = ctypes.CDLL(PETSc.__file__)
@@ -58,10 +58,12 @@ AVAILABLE = all(hasattr(_petsc, name) for name in _NAMES)
 # Of MUMPS: with 0, solves leave the rows of the Schur complement out; with 0, a transposed solve.
 INTERIOR, TURNED = 26, 9
 
-# Parts of a graph of fewer vertices are left whole, and an unknown is joined with so many others on
-# either side of it: measured on bodies of 39,000 to 292,000 unknowns. Separators of so many
-# patterns are kept, since each body is factored at several frequencies.
-LEAST, REACH, MOST = 2000, 200, 8
+# Parts of a graph of fewer vertices are left whole, and an unknown of a separator is joined with so
+# many others before and after it: measured on bodies of 39,000 to 292,000 unknowns.
+LEAST, REACH = 2000, 200
+
+# Separators of so many patterns are kept: each body is factored at several frequencies.
+MOST = 8
 OPTIONS = 40  # METIS_NOPTIONS
 _separators: dict[bytes, list[Index]] = {}
 
@@ -86,7 +88,7 @@ class Factor(OfOneProcess):
             A: the matrix; of a symmetric one the upper triangle is taken.
             prefix: prefix of its PETSc options.
             symmetric: whether A is symmetric.
-            solves: whether the factor is kept for them, or thrown away as it comes.
+            solves: whether the factor is kept for solves, or discarded while it is computed.
 
         Raises:
             InaccurateResult: the factorisation fails (singular matrix, no memory).
@@ -102,7 +104,7 @@ class Factor(OfOneProcess):
         pc.setFactorSolverType("mumps")
         # Through the options, so that the user's own come first; ours leave the database again.
         options = PETSc.Options(prefix)
-        values = {**MUMPS, THROWN: int(not solves)}
+        values = {**MUMPS, DISCARDED: int(not solves)}
         ours = [name for name in values if not options.hasName(name)]
         for name in ours:
             options[name] = values[name]
@@ -276,7 +278,7 @@ class InterfaceFactor(Factor):
             P: makes a square matrix, shape (n, n); may be indefinite. It is not held.
             B: rows of the interface, shape (rows, n).
             symmetric: whether P is symmetric.
-            solves: whether the factor is kept for them; two thirds of the memory.
+            solves: whether the factor, two thirds of the memory, is kept for solves.
 
         Raises:
             InaccurateResult: P is singular, or its factor is wrong.
@@ -438,18 +440,17 @@ def _graph(A: sp.csr_matrix) -> tuple[Index, sp.csr_matrix]:
 def _sides(G: sp.csr_matrix) -> Index:
     """0 and 1 for the two sides of a graph, 2 for the separator."""
     side: Index = np.zeros(G.shape[0], np.int32)
-    options: Index = np.zeros(OPTIONS, np.int32)
-    _petsc.METIS_SetDefaultOptions(_pointer(options))
     size, n = ctypes.c_int(), ctypes.c_int(G.shape[0])
     begin, neighbours = G.indptr.astype(np.int32), G.indices.astype(np.int32)
     _petsc.METIS_ComputeVertexSeparator(
         *(ctypes.byref(n), _pointer(begin), _pointer(neighbours), None),
-        *(_pointer(options), ctypes.byref(size), _pointer(side)),
+        *(None, ctypes.byref(size), _pointer(side)),  # its own options
     )
     return side
 
 
 def _pointer(a: Index) -> ctypes.c_void_p:
+    """Address of an array of integers."""
     return a.ctypes.data_as(ctypes.c_void_p)
 
 

@@ -143,7 +143,7 @@ def prepare_shapes(
         task = mode.approach, mode.sample
         stored = study.stored(task)
         modes.append((study.sample(task), stored, np.array([mode.mode])))
-    given = study.models, modes, comm, not rest, rest
+    given = study.models, modes, comm, int(not rest), rest
     found, missing = spared("shapes of modes", lambda: displacements(*given))
     every = found or []
     known |= zip(first, [u[:, 0].real for u, _ in every[len(modes) :]], strict=False)

@@ -93,7 +93,7 @@ def factor_near(
         K: K_s [N/m].
         M: mass [kg].
         kappa: the shift wanted [1/s^2].
-        solves: whether the factor is kept for them, or its inertia alone.
+        solves: whether the factor is kept for solves, or its inertia alone.
 
     Returns:
         The factor and its shift.
