@@ -1,6 +1,8 @@
 """Scripts name what the package has: those that no other test runs too."""
 
 import runpy
+import subprocess
+import sys
 
 import pytest
 
@@ -20,3 +22,9 @@ def test_a_script_can_be_imported(path, monkeypatch):
         if error.name not in OPTIONAL:
             raise
         pytest.skip(str(error))
+
+
+def test_what_the_roofline_counts_is_there():
+    """It replaces functions by name, in a process of its own."""
+    work = "from bench_roofline import *; count_factors(), count_transforms(), count_samples()"
+    subprocess.run([sys.executable, "-c", work], cwd=SCRIPTS, check=True)
