@@ -128,7 +128,7 @@ def test_a_lost_pair_is_noticed(two_blocks, monkeypatch):
     real = friction.nearest_modes
 
     def lossy(*args, **given):
-        kappa, X = real(*args, **given)
+        kappa, X = yield from real(*args, **given)
         keep = np.argsort(kappa.real) != 4
         return kappa[keep], X[:, keep]
 
@@ -154,9 +154,12 @@ def prepared(scene, k, mu, cutoff=1.6, orders=1, share=-1e-3):
 
 
 @pytest.mark.parametrize("keep", [False, True])
-@pytest.mark.parametrize("transposed", [False, True])
-def test_inverse_with_and_without_kept_solutions(two_blocks, keep, transposed):
-    """One solve of a block where S^-1 left' is kept, two where it is not: the same inverse."""
+@pytest.mark.parametrize("turned", [0, 1, 3])
+def test_inverse_with_and_without_kept_solutions(two_blocks, keep, turned):
+    """One solve of a block where S^-1 left' is kept, two where it is not: the same inverse.
+
+    The last columns may be for the transpose.
+    """
     scene = two_blocks("guided")
     k = stiffness(scene.w.size, 2)
     S, sigma = shifted_factor(scene.tangent(k, 0.0), scene.M, (2 * np.pi * BAND[1]) ** 2)
@@ -166,8 +169,8 @@ def test_inverse_with_and_without_kept_solutions(two_blocks, keep, transposed):
     assert (known.SL is not None) == keep
     b = np.random.default_rng(0).standard_normal((scene.M.shape[0], 3))
     A = (scene.tangent(k, 0.8) - sigma * scene.M).toarray()
-    exact = la.solve(A.T if transposed else A, b)
-    x = interface.Inverse(S, face, known)(b, transposed)
+    exact = np.hstack([la.solve(A, b[:, : 3 - turned]), la.solve(A.T, b[:, 3 - turned :])])
+    x = interface.Inverse(S, face, known)(b, turned)
     S.destroy()
     np.testing.assert_allclose(x, exact, rtol=0, atol=1e-9 * abs(exact).max())
 

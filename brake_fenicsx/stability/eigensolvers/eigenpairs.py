@@ -14,7 +14,7 @@ Y. Saad, Numerical Methods for Large Eigenvalue Problems, 2nd ed., chapter 6 (20
 doi:10.1137/1.9781611970739.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -48,6 +48,9 @@ MATCH = 1e-5
 # Vectors of a block.
 BLOCK = 8
 
+# Blocks to apply an operator to, for the products; ends with eigenvalues and vectors.
+Search = Generator[Array, Array, tuple[Complex, Complex]]
+
 # Residuals are relative to the eigenvalue where it is smaller than its distance from the shift, but
 # to no less than this share of that.
 SMALLEST = 1e-2
@@ -72,12 +75,23 @@ def plus(out: Array, V: Array, c: Array, factor: float = 1.0) -> Array:
 
 def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
     """A real operator on complex columns: of imaginary parts only those that are there."""
+    parts, turned = _parts(x)
+    return _of_parts(real(parts), turned)
+
+
+def _parts(x: Complex) -> tuple[Array, Index]:
+    """Real parts and those imaginary parts that are there, and of which columns these are."""
     n, turned = x.shape[1], np.flatnonzero(np.any(x.imag != 0, axis=0))
     parts = np.empty((len(x), n + turned.size), x.real.dtype)
     parts[:, :n], parts[:, n:] = x.real, x.imag[:, turned]
-    product = real(parts)
-    out = np.zeros((len(product), n), complex)
-    out.real, out.imag[:, turned] = product[:, :n], product[:, n:]
+    return parts, turned
+
+
+def _of_parts(parts: Array, turned: Index) -> Complex:
+    """Complex columns of such parts."""
+    n = parts.shape[1] - turned.size
+    out = np.zeros((len(parts), n), complex)
+    out.real, out.imag[:, turned] = parts[:, :n], parts[:, n:]
     return out
 
 
@@ -94,7 +108,6 @@ def with_conjugates(values: Complex, X: Complex) -> tuple[Complex, Complex]:
 
 
 def nearest_modes(
-    apply: Callable[[Array], Array],
     n: int,
     sigma: float,
     reach: float,
@@ -102,21 +115,23 @@ def nearest_modes(
     leftmost: float = -np.inf,
     tolerance: float = 1e-11,
     start: Array | None = None,
-) -> tuple[Complex, Complex]:
+) -> Search:
     """All eigenpairs with |kappa - sigma| <= reach and Re kappa >= leftmost.
 
     kappa = sigma + 1 / theta. Those further left are not waited for: strongly damped bodies gather
     any number of real eigenvalues lambda within reach.
 
     Args:
-        apply: the operator A, on blocks of shape (n, columns).
-        n: its size.
+        n: size of the operator A.
         sigma: real shift.
         reach: radius.
         expected: about how many eigenvalues there are, conjugates included.
         leftmost: smallest real part wanted.
         tolerance: residual of (A - theta) x relative to theta, and to kappa.
         start: starting block that is rich in the wanted vectors, shape (n, BLOCK); random if None.
+
+    Yields:
+        Blocks of shape (n, columns), to be sent A times the block, see ``searched``.
 
     Returns:
         kappa, those of positive imaginary part for their pairs; vectors, shape (n, modes), after
@@ -131,14 +146,14 @@ def nearest_modes(
     H = np.zeros((room + block, room + block))
     if start is None:
         start = np.random.default_rng(0).standard_normal((n, block))
-    new = _orthonormal(apply(start))[0]
+    new = _orthonormal((yield start))[0]
     size = 0
     due = 2 * expected
     while size <= room:
         k, first = new.shape[1], size
         V[:, first : first + k] = new
         size += k
-        W = apply(new)
+        W = yield new
         for _ in range(2):
             c = shares(V[:, :size], W)
             W -= combined(V[:, :size], c)
@@ -160,22 +175,42 @@ def nearest_modes(
             good = residual[near] < np.maximum(tolerance * small, noise)
             near[near] = kept = kappa.real >= leftmost
             if full or (beyond and np.all(good[kept])):
-                return _polished(apply, V[:, :size], sigma, theta[near], s[:, near])
+                return (yield from _polished(V[:, :size], sigma, theta[near], s[:, near]))
         if size <= room:
             H[size : size + new.shape[1], first:size] = coupling
     raise NotConverged(f"""block Arnoldi: {size} vectors do not give all modes; take a narrower
         band, or a smaller zeta_max where bodies are strongly damped""")
 
 
-def _polished(
-    apply: Callable[[Array], Array], V: Array, sigma: float, theta: Complex, s: Complex
-) -> tuple[Complex, Complex]:
+def searched(
+    searches: dict[bool, Search], apply: Callable[[dict[bool, Array]], dict[bool, Array]]
+) -> dict[bool, tuple[Complex, Complex]]:
+    """What searches find that go on side by side: their operators are applied together.
+
+    Args:
+        searches: of right eigenpairs (False), of left ones (True), or either.
+        apply: applies the operators of those that are not done yet to a block of each.
+    """
+    found = dict[bool, tuple[Complex, Complex]]()
+    asked = {side: next(search) for side, search in searches.items()}
+    while asked:
+        for side, product in apply(asked).items():
+            try:
+                asked[side] = searches[side].send(product)
+            except StopIteration as ended:
+                found[side] = ended.value
+                del asked[side]
+    return found
+
+
+def _polished(V: Array, sigma: float, theta: Complex, s: Complex) -> Search:
     """Eigenvalues and vectors, one of each conjugate pair, once more through A.
 
     The residual of K itself is then that of the Arnoldi process, without the norm of K.
     """
     one = np.flatnonzero(theta.imag <= 0)  # kappa has the other sign.
-    X = on_parts(lambda y: apply(combined(V, y)), s[:, one])
+    parts, turned = _parts(s[:, one])
+    X = _of_parts((yield combined(V, parts)), turned)
     return sigma + 1 / theta[one], X / np.linalg.norm(X, axis=0)
 
 

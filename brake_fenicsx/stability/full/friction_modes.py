@@ -42,7 +42,14 @@ from brake_fenicsx.folder.processes import in_turns, on_first, release_memory
 from brake_fenicsx.macro.solver import BlockProduct
 
 from ..eigensolvers import argument_principle, symmetric
-from ..eigensolvers.eigenpairs import BLOCK, both_sides, combined, nearest_modes, times
+from ..eigensolvers.eigenpairs import (
+    BLOCK,
+    both_sides,
+    combined,
+    nearest_modes,
+    searched,
+    times,
+)
 from ..modes import Count
 from . import interface
 
@@ -178,17 +185,33 @@ def _both_sides(
     expected = int(np.sum(np.abs(modes.kappa - modes.sigma) <= reach)) + 1
     mass = BlockProduct(p.M)
 
-    def side(transposed: bool) -> tuple[Complex, Complex]:
-        found = nearest_modes(
-            lambda b: inverse(mass(b), transposed),
-            *(p.M.shape[0], modes.sigma, argument_principle.RIM * reach, expected),
-            tolerance=LEFT if transposed else RIGHT,
-            start=start,
+    def apply(asked: dict[bool, Array]) -> dict[bool, Array]:
+        # Solves of both sides as one: the fewer columns a solve has, the more one of them costs.
+        x = inverse(
+            mass(np.hstack(list(asked.values()))), asked[True].shape[1] if True in asked else 0
+        )
+        ends = np.cumsum([block.shape[1] for block in asked.values()])
+        return {side: part for side, part in zip(asked, np.hsplit(x, ends[:-1]), strict=True)}
+
+    def found(sides: tuple[bool, ...]) -> dict[bool, tuple[Complex, Complex]]:
+        reached = argument_principle.RIM * reach
+        of_sides = searched(
+            {
+                side: nearest_modes(
+                    *(p.M.shape[0], modes.sigma, reached, expected),
+                    tolerance=LEFT if side else RIGHT,
+                    start=start,
+                )
+                for side in sides
+            },
+            apply,
         )
         release_memory()
-        return found
+        return of_sides
 
-    return both_sides(side, modes.sigma, reach, comm)
+    if comm.size == 1:
+        return both_sides(found((False, True)).__getitem__, modes.sigma, reach)
+    return both_sides(lambda side: found((side,))[side], modes.sigma, reach, comm)
 
 
 @dataclass(frozen=True, slots=True)

@@ -215,14 +215,11 @@ def quadratic_modes(
         apply, lu = _operator(m, c, k, s, high)
         n = K.shape[0]
         # A little further, so that each of the right ones has its left one.
-        found, X = eigenpairs.nearest_modes(
-            apply,
-            2 * n,
-            s,
-            argument_principle.RIM * reach,
-            2 * count + 2,
-            argument_principle.RIM * leftmost,
-        )
+        rim = argument_principle.RIM
+        search = eigenpairs.nearest_modes(2 * n, s, rim * reach, 2 * count + 2, rim * leftmost)
+        found, X = eigenpairs.searched(
+            {transposed: search}, lambda asked: {transposed: apply(asked[transposed])}
+        )[transposed]
         lu.destroy()
         return found, X[:n]
 

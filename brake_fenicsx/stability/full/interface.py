@@ -23,7 +23,7 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import BlockProduct, Factor, blocks
 
-from ..eigensolvers.eigenpairs import combined, shares
+from ..eigensolvers.eigenpairs import combined, plus, shares
 from ..modes import Count
 
 # Most moments of the interface, right S^-1 (M S^-1)^j left', j = 0, 1, ..., and the highest power m
@@ -159,8 +159,8 @@ def moments(
         M: mass [kg].
         friction: the interface.
         orders: number of moments.
-        keep: whether to keep S^-1 left' where it is no larger than the factor and than MESSAGE: the
-            factor of the inertia count took as much memory, and is freed before it is used.
+        keep: whether to keep S^-1 left' where it is no larger than MESSAGE and than twice the
+            factor, which the second solve of a block in its place would read twice.
         lowest: modes whose part is left out, see ``Moments.low``, shape (dofs, low); none if None.
         comm: two processes, each of which solves for half of the columns, or one (with ``keep``).
 
@@ -169,7 +169,7 @@ def moments(
     """
     rank, half, RR = friction.rank, friction.rank // 2, None
     Phi = np.zeros((M.shape[0], 0)) if lowest is None else lowest
-    keep = keep and 8e-9 * rank * M.shape[0] <= min(factor.gigabytes, MESSAGE)
+    keep = keep and 8e-9 * rank * M.shape[0] <= min(2 * factor.gigabytes, MESSAGE)
     SL = np.empty((M.shape[0], rank), order="F") if keep else None
     columns = slice(0, half), slice(half, rank)
     solved = in_turns(
@@ -226,19 +226,19 @@ class Inverse:
         self.factor, self.friction, self.SL = factor, friction, known.SL
         self._lu = la.lu_factor(np.eye(friction.rank) + known.RL[0])
 
-    def __call__(self, b: Array, transposed: bool = False) -> Array:
-        """Apply to a block, shape (dofs, columns)."""
-        f, SL = self.friction, self.SL
-        if transposed and SL is not None:
-            c = la.lu_solve(self._lu, shares(SL, b), trans=1)
-            return self.factor.solve(b - f.right.T @ c)
-        x = self.factor.solve(b)
-        first, second = (f.left, f.right) if transposed else (f.right, f.left)
-        c = la.lu_solve(self._lu, first @ x, trans=int(transposed))
+    def __call__(self, b: Array, turned: int = 0) -> Array:
+        """Apply to a block, shape (dofs, columns); the transpose to the last ``turned`` columns."""
+        f, SL, n = self.friction, self.SL, b.shape[1] - turned
         if SL is not None:
-            return x - combined(SL, c)
+            b = b.copy(order="F")
+            b[:, n:] -= f.right.T @ la.lu_solve(self._lu, shares(SL, b[:, n:]), trans=1)
+            x = self.factor.solve(b)
+            plus(x[:, :n], SL, la.lu_solve(self._lu, f.right @ x[:, :n]), -1.0)
+            return x
+        x = self.factor.solve(b)
+        c = la.lu_solve(self._lu, f.right @ x[:, :n]), la.lu_solve(self._lu, f.left @ x[:, n:], 1)
         # Only the rows of contact nodes are not zero.
-        return x - self.factor.solve(sp.csc_matrix(second.T @ c))
+        return x - self.factor.solve(sp.csc_matrix(np.hstack([f.left.T @ c[0], f.right.T @ c[1]])))
 
 
 @dataclass(frozen=True, slots=True)
