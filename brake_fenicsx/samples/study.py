@@ -35,9 +35,8 @@ T = TypeVar("T")
 
 VERIFY = "verify"
 # [dofs] below which two processes may share a sample at full order: each holds a factor, and the
-# vectors that they exchange are a message of less than 2 GB. Shared, it costs a third more in all:
-# of a small brake one process computes it, while others draw.
-SMALL, LARGEST = 60_000, 500_000
+# vectors that they exchange are a message of less than 2 GB.
+LARGEST = 500_000
 
 
 class Study(OfOneProcess):
@@ -152,9 +151,8 @@ class Study(OfOneProcess):
         """
         parts = ("samples at full order", self.verify), ("pictures and figures", works)
         what = ", ".join(name for name, there in parts if there)
-        paired = self._paired and not (works and self.brake.K.shape[0] < SMALL)
         files = self.store, self.comm
-        return ensemble.run_ensemble((), self.work, *files, self.verify, what, paired, works)
+        return ensemble.run_ensemble((), self.work, *files, self.verify, what, self._paired, works)
 
     def work(self, task: Task, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, Any]:
         """Equilibrium and modes of one sample, as arrays to store.

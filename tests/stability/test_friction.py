@@ -9,6 +9,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.folder.processes import Released
 from brake_fenicsx.stability import complex_modes, contact_interface
 from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.eigensolvers.argument_principle import Trapezium
@@ -91,19 +92,34 @@ def shared(A, comm):
 @pytest.mark.long
 @pytest.mark.together
 @pytest.mark.parametrize("damped", [False, True])
-def test_processes_share_a_problem(two_blocks, damped):
-    """The same bits as on one: what each does is the same, whoever does it."""
+@pytest.mark.parametrize("large", [False, True])
+def test_processes_share_a_problem(two_blocks, damped, large, monkeypatch):
+    """The same bits as on one: what each does is the same, whoever does it.
+
+    The two sides of a small problem are found by one process, those of a large one by one each.
+    """
+    monkeypatch.setattr(friction, "SIDE_BY_SIDE", 0 if large else 10**6)
     scene = two_blocks("guided")
     k = stiffness(scene.w.size, 1)
     K = scene.tangent(k, 0.6)
     C = (1e-7 * scene.K).tocsr() if damped else None
     face = None if damped else contact_interface(scene.N, scene.T, scene.w * k, 0.6)
     alone = complex_modes(scene.M, C, K, BAND, friction=face)
-    found = complex_modes(scene.M, C, K, BAND, friction=face, comm=MPI.COMM_WORLD)
+    shared = {"friction": face, "comm": MPI.COMM_WORLD}
+    found = complex_modes(scene.M, C, K, BAND, **shared)
     assert len(alone) > 5
     assert found.count == alone.count
     for name in ("s", "right", "left", "error", "condition"):
         np.testing.assert_array_equal(getattr(found, name), getattr(alone, name))
+    if damped or large or MPI.COMM_WORLD.size == 1:
+        return
+    # One that may leave does so when its part is done, and the first goes on alone.
+    if MPI.COMM_WORLD.rank:
+        with pytest.raises(Released):
+            complex_modes(scene.M, C, K, BAND, released=True, **shared)
+    else:
+        found = complex_modes(scene.M, C, K, BAND, released=True, **shared)
+        np.testing.assert_array_equal(found.right, alone.right)
 
 
 @pytest.mark.together

@@ -38,7 +38,7 @@ import numpy as np
 import scipy.linalg as la
 
 from brake_fenicsx.arguments import AnyArray, Array, Complex
-from brake_fenicsx.folder.processes import in_turns, on_first, release_memory
+from brake_fenicsx.folder.processes import Released, in_turns, on_first, release_memory
 from brake_fenicsx.macro.solver import BlockProduct
 
 from ..eigensolvers import argument_principle, symmetric
@@ -73,6 +73,11 @@ OTHERS = 1e-2
 # modes below RIGID, the shift is a little below zero.
 AMID, RIGID = 0.55, 1e-6
 
+# [dofs] below which one process finds right and left vectors side by side: solves of few columns
+# are bound by memory, and one of both sides takes two thirds of the time of two. Of larger problems
+# two processes find one side each; one process does the same, and so finds the same bits.
+SIDE_BY_SIDE = 60_000
+
 # Subspace iterations for the norm in the bound of the remainder: at the first point, at all others.
 FIRST_STEPS, STEPS = 12, 3
 
@@ -88,6 +93,7 @@ def friction_modes(
     high: float,
     zeta_max: float,
     comm: MPI.Comm = MPI.COMM_SELF,
+    released: bool = False,
     amid: bool = True,
 ) -> interface.Found | None:
     """Block Arnoldi from either side, and the proof; collective.
@@ -99,6 +105,7 @@ def friction_modes(
         high: upper end [1/s^2].
         zeta_max: largest damping ratio looked for.
         comm: two processes that share the work, or one.
+        released: whether the second one ends where the first goes on alone, see SIDE_BY_SIDE.
         amid: whether the shift may lie amid the band.
 
     Returns:
@@ -108,6 +115,7 @@ def friction_modes(
     Raises:
         NotConverged: an iteration fails.
         InaccurateResult: left and right eigenvalues or the count differ.
+        Released: on a process that is done.
     """
     pencil, held = (p.frictionless, p.M), list[Any]()
     sigma = AMID * high if amid else -symmetric.SHIFT * high
@@ -138,7 +146,12 @@ def friction_modes(
     lost = np.sum(kappa < sigma) < factor.negative_pivots
     if amid and (lost or kappa.min(initial=high) < RIGID * high):
         factor.destroy()
-        return friction_modes(p, friction, low, high, zeta_max, comm, amid=False)
+        return friction_modes(p, friction, low, high, zeta_max, comm, released, amid=False)
+    if released and p.M.shape[0] < SIDE_BY_SIDE and comm.size > 1:
+        if comm.rank > 0:
+            factor.destroy()
+            raise Released
+        comm = MPI.COMM_SELF
     inside, limit = symmetric.complete(*pencil, kappa, counted)
     modes = InterfaceModes(kappa[inside], limit, sigma, P[:, inside], Q[:, inside])
     inverse = interface.Inverse(factor, friction, known)
@@ -195,7 +208,7 @@ def _both_sides(
 
     def found(sides: tuple[bool, ...]) -> dict[bool, tuple[Complex, Complex]]:
         reached = argument_principle.RIM * reach
-        of_sides = searched(
+        done = searched(
             {
                 side: nearest_modes(
                     *(p.M.shape[0], modes.sigma, reached, expected),
@@ -207,10 +220,11 @@ def _both_sides(
             apply,
         )
         release_memory()
-        return of_sides
+        return done
 
-    if comm.size == 1:
-        return both_sides(found((False, True)).__getitem__, modes.sigma, reach)
+    if p.M.shape[0] < SIDE_BY_SIDE:
+        of_sides = on_first(lambda: found((False, True)), comm)
+        return both_sides(of_sides.__getitem__, modes.sigma, reach)
     return both_sides(lambda side: found((side,))[side], modes.sigma, reach, comm)
 
 
