@@ -4,7 +4,8 @@ Rows: one contact from a cold start (grid, boundary, load, tolerance), 20 loads 
 a law, a library, and the error the grid itself makes at braking pressure. Errors are relative to a
 solution with tolerance 1e-12 on the same grid, or, for the grid study, to the finest grid. One
 thread; wall-clock seconds.
-``--all`` adds the grids of 512 and 1024 pixels. ContactMechanics runs along where it is installed.
+``--all`` adds the grids of 512 and 1024 pixels. ContactMechanics and Tamaas run along where they
+are installed (extra ``peers``), on the same contact; ``--peers`` prints their rows alone.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
 import resource  # noqa: E402
 import time  # noqa: E402
 from collections.abc import Callable, Iterator  # noqa: E402
+from importlib.util import find_spec  # noqa: E402
 
 import numpy as np  # noqa: E402
 
+from brake_fenicsx.arguments import Array  # noqa: E402
 from brake_fenicsx.micro import (  # noqa: E402
     LawRecipe,
     LawSettings,
@@ -151,27 +154,67 @@ def libraries(n_laws: int) -> None:
 
 
 def peers(sizes: list[int]) -> None:
-    try:
-        import ContactMechanics as peer
-        from SurfaceTopography import Topography as PeerTopography
-    except ImportError:
-        print("ContactMechanics is not installed: no peer rows")
-        return
+    """One contact from a cold start by every program that is installed, and how they agree."""
+    programs = {"ContactMechanics": by_contact_mechanics, "tamaas": by_tamaas}
+    there = {name: solve for name, solve in programs.items() if find_spec(name)}
+    for name in programs.keys() - there.keys():
+        print(f"{name} is not installed: no rows")
     for n, periodic in _pairs(sizes):
-        topo = surface(n)
-        kind = peer.PeriodicFFTElasticHalfSpace if periodic else peer.FreeFFTElasticHalfSpace
-        half = kind((n, n), 1.0, SIZE)
-        heights = PeerTopography(topo.heights - topo.heights.mean(), SIZE, periodic=periodic)
-        system = peer.Systems.NonSmoothContactSystem(half, heights)
-        start = time.perf_counter()
-        system.minimize_proxy(external_force=0.1 * AREA, pentol=1e-7 * PAPER.S_q, maxiter=1000)
-        seconds = time.perf_counter() - start
-        name = "periodic" if periodic else "free"
-        ours = solve_contact(topo.heights, SIZE, 1.0, load=0.1 * AREA, boundary=name, tol=1e-10)
-        force = np.abs(np.asarray(half.force))[:n, :n]
-        p = force / (AREA / n**2)
-        error = float(np.linalg.norm(p - ours.pressure) / np.linalg.norm(ours.pressure))
-        row("peer", n, name, 0.1, "-", seconds, peak_megabytes(), "-", error, "-", "-")
+        topo, name = surface(n), "periodic" if periodic else "free"
+        h = topo.heights - topo.heights.mean()
+        given = {"load": 0.1 * AREA, "boundary": name, "solver": "pcg"}
+        solve_contact(h, SIZE, 1.0, tol=1e-2, **given)  # plans, kernel
+        exact = solve_contact(h, SIZE, 1.0, tol=1e-12, **given).pressure
+
+        def told(
+            program: str, seconds: float, p: Array, exact: Array = exact, size: int = n,
+            boundary: str = name,
+        ) -> None:  # fmt: skip
+            error = float(np.linalg.norm(p - exact) / np.linalg.norm(exact))
+            row(program, size, boundary, 0.1, "-", seconds, peak_megabytes(), "-", error, "-", "-")
+
+        for tol in (1e-6, 1e-8):
+            ours = solve_contact(h, SIZE, 1.0, tol=tol, **given)
+            told(f"here, {tol:g}", ours.seconds, ours.pressure)
+        for program, solve in there.items():
+            if periodic or program != "tamaas":
+                told(program, *solve(h, periodic))
+
+
+def by_contact_mechanics(h: Array, periodic: bool) -> tuple[float, Array]:
+    """Seconds and pressures over E* by ContactMechanics."""
+    import ContactMechanics
+    from SurfaceTopography import Topography as PeerTopography
+
+    periodic_kind = ContactMechanics.PeriodicFFTElasticHalfSpace
+    kind = periodic_kind if periodic else ContactMechanics.FreeFFTElasticHalfSpace
+    half = kind(h.shape, 1.0, SIZE)
+    heights = PeerTopography(h, SIZE, periodic=periodic)
+    system = ContactMechanics.Systems.NonSmoothContactSystem(half, heights)
+    start = time.perf_counter()
+    system.minimize_proxy(external_force=0.1 * AREA, pentol=1e-7 * PAPER.S_q, maxiter=1000)
+    seconds = time.perf_counter() - start
+    return seconds, np.abs(np.asarray(half.force))[: len(h), : len(h)] / (AREA / h.size)
+
+
+def by_tamaas(h: Array, periodic: bool) -> tuple[float, Array]:
+    """Seconds and pressures over E* by Tamaas, which is given lengths over the side of the patch.
+
+    Its half-space is periodic, and its tolerance has the units of the model.
+    """
+    import tamaas
+
+    if not periodic:
+        raise ValueError("tamaas: a periodic patch alone")
+    tamaas.initialize(1)
+    tamaas.set_log_level(tamaas.LogLevel.error)
+    model = tamaas.Model(tamaas.model_type.basic_2d, [1.0, 1.0], list(h.shape))
+    model.E, model.nu = 1.0, 0.0
+    solver = tamaas.PolonskyKeerRey(model, np.ascontiguousarray(h / SIZE[0]), 1e-10)
+    solver.max_iter, solver.dump_freq = 20_000, 10**9
+    start = time.perf_counter()
+    solver.solve(0.1)
+    return time.perf_counter() - start, np.array(model.traction)
 
 
 def _pairs(sizes: list[int]) -> Iterator[tuple[int, bool]]:
@@ -183,9 +226,13 @@ def _pairs(sizes: list[int]) -> Iterator[tuple[int, bool]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--all", action="store_true", help="512 and 1024 pixels too")
+    parser.add_argument("--peers", action="store_true", help="the rows of all programs alone")
     arguments = parser.parse_args()
     sizes = [64, 128, 256, 512, 1024] if arguments.all else [64, 128, 256]
     row(*HEAD, *ERRORS)
+    if arguments.peers:
+        peers(sizes[:4])
+        return
     contacts(sizes)
     loads(sizes[:4])
     laws(sizes[:4])
