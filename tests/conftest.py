@@ -8,6 +8,7 @@ import logging
 from copy import deepcopy
 from functools import cache
 from importlib import import_module
+from types import SimpleNamespace
 
 import brake_fenicsx.cli  # noqa: F401 -- before NumPy: the matrix kernels of the command
 
@@ -139,9 +140,8 @@ def _one_pixel(monkeypatch, names):
         return [pixel(directory / f"{name}.png")]
 
     monkeypatch.setattr(figures, "save", save)
-    for module, name in ((render, "render_mesh"), (render, "render_mode"),
-                         (render, "animate_mode")):  # fmt: skip
-        monkeypatch.setattr(module, name, pixel)
+    monkeypatch.setattr(render, "render_mesh", pixel)
+    monkeypatch.setattr(render, "Shapes", lambda *_: SimpleNamespace(still=pixel, film=pixel))
     return names
 
 

@@ -6,7 +6,7 @@ The nodal diameters of a rotor are the strongest harmonic of its motion at the r
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -253,6 +253,7 @@ def _shape_works(
     """
     store, name, free = study.store, chosen[0].approach, study.brake.elastic.free
     V, rotors = free.V, _rotors(study)
+    seen = cache(lambda: render.Shapes(V, tied_bodies(study.scene, study.brake)))
 
     def write() -> None:
         pairs = zip(chosen, shapes, strict=True)
@@ -269,10 +270,8 @@ def _shape_works(
         )
         picture = f"mode_{name}_{hertz}"
         if pictures:
-            bodies = tied_bodies(study.scene, study.brake)
-            render.render_mode(store.path("figures", f"{picture}.png"), V, shape, title, bodies)
-            moving = store.path("figures", f"{picture}.webp")
-            render.animate_mode(moving, V, shape, bodies=bodies)
+            seen().still(store.path("figures", f"{picture}.png"), shape, title)
+            seen().film(store.path("figures", f"{picture}.webp"), shape)
         numbers = mode.family.number, mode.sample, mode.mode, mode.frequency, mode.damping
         return mode_cards.ModeShape.of(name, *numbers, picture, *_nodal_cells(rotors, V, shape))
 
