@@ -8,7 +8,6 @@ import logging
 from copy import deepcopy
 from functools import cache
 from importlib import import_module
-from types import SimpleNamespace
 
 import brake_fenicsx.cli  # noqa: F401 -- before NumPy: the matrix kernels of the command
 
@@ -141,7 +140,9 @@ def _one_pixel(monkeypatch, names):
 
     monkeypatch.setattr(figures, "save", save)
     monkeypatch.setattr(render, "render_mesh", pixel)
-    monkeypatch.setattr(render, "Shapes", lambda *_: SimpleNamespace(still=pixel, film=pixel))
+    monkeypatch.setattr(render.Shapes, "__init__", lambda *_: None)
+    for name in ("still", "film"):
+        monkeypatch.setattr(render.Shapes, name, staticmethod(pixel))
     return names
 
 
