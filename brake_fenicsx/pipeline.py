@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
     Surfaces = Mapping[str, SurfaceStatistics]  # by the section of each
 
-DRAWING = 4  # parts of the figures, drawn by as many processes at most: each reads all results
+DRAWING = 8  # parts of the figures, which processes take in turn: each reads all results once
 
 
 @with_its_arguments

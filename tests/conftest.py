@@ -139,9 +139,10 @@ def _one_pixel(monkeypatch, names):
         return [pixel(directory / f"{name}.png")]
 
     monkeypatch.setattr(figures, "save", save)
-    for module, name in ((render, "render_mesh"), (render, "render_mode"),
-                         (render, "animate_mode")):  # fmt: skip
-        monkeypatch.setattr(module, name, pixel)
+    monkeypatch.setattr(render, "render_mesh", pixel)
+    monkeypatch.setattr(render.Shapes, "__init__", lambda *_: None)
+    for name in ("still", "film"):
+        monkeypatch.setattr(render.Shapes, name, staticmethod(pixel))
     return names
 
 

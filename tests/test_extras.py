@@ -28,7 +28,7 @@ BROKEN = (
     {
         "brake_fenicsx.extras.limit_cycle.cycles.Cycles.of": "limit cycles left out",
         "brake_fenicsx.report.mode_fields.write_facets": "fields of the equilibria left out",
-        "brake_fenicsx.report.render.render_mode": "picture of the mode at",
+        "brake_fenicsx.report.render.Shapes.still": "picture of the mode at",
         "brake_fenicsx.report.figure_inputs.contact_maps": "maps of the contact left out",
         "brake_fenicsx.samples.solve.full_modes": "",  # of the verification
     },

@@ -6,7 +6,7 @@ The nodal diameters of a rotor are the strongest harmonic of its motion at the r
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -148,9 +148,10 @@ def prepare_shapes(
     every = found or []
     known |= zip(first, [u[:, 0].real for u, _ in every[len(modes) :]], strict=False)
     lost, shapes, works = (written or meanwhile(write, comm))()[1], iter(every), []
+    seen = cache(partial(_seen, study, pictures))  # by a process that draws
     for chosen in drawn if found is not None else ():
         own = [next(shapes) for _ in chosen]
-        works += _shape_works(study, run, chosen, [u[:, 0] for u, _ in own], pictures)
+        works += _shape_works(study, run, chosen, [u[:, 0] for u, _ in own], seen)
         missing += [
             f"shape of the mode at {mode.frequency:.0f} Hz of {mode.approach} {mode.sample}: its"
             f" displacements have an estimated relative error of {error[0]:.0e}"
@@ -239,8 +240,19 @@ def _severe(study: Study) -> tuple[RunData, list[list[squeal.ModeKey]]]:
     return RunData(folder, summary=settings), on_first(severe, study.comm)
 
 
+def _seen(study: Study, pictures: bool) -> render.Shapes | None:
+    """What draws the mode shapes of a study; None without pictures."""
+    if not pictures:
+        return None
+    return render.Shapes(study.brake.elastic.free.V, tied_bodies(study.scene, study.brake))
+
+
 def _shape_works(
-    study: Study, run: RunData, chosen: list[squeal.ModeKey], shapes: list[Complex], pictures: bool
+    study: Study,
+    run: RunData,
+    chosen: list[squeal.ModeKey],
+    shapes: list[Complex],
+    seen: Callable[[], render.Shapes | None],
 ) -> list[Callable[[], tuple[mode_cards.ModeShape | None, list[str]]]]:
     """Works for some modes of an approach: their fields, and for each a period and its pictures.
 
@@ -249,7 +261,7 @@ def _shape_works(
         run: its tables.
         chosen: the modes.
         shapes: displacement of each, shape (dofs,).
-        pictures: whether they are drawn.
+        seen: gives what draws them; None: they are not drawn.
     """
     store, name, free = study.store, chosen[0].approach, study.brake.elastic.free
     V, rotors = free.V, _rotors(study)
@@ -268,11 +280,9 @@ def _shape_works(
             f" damping {mode.damping:.2e}{often}"
         )
         picture = f"mode_{name}_{hertz}"
-        if pictures:
-            bodies = tied_bodies(study.scene, study.brake)
-            render.render_mode(store.path("figures", f"{picture}.png"), V, shape, title, bodies)
-            moving = store.path("figures", f"{picture}.webp")
-            render.animate_mode(moving, V, shape, bodies=bodies)
+        if (look := seen()) is not None:
+            look.still(store.path("figures", f"{picture}.png"), shape, title)
+            look.film(store.path("figures", f"{picture}.webp"), shape)
         numbers = mode.family.number, mode.sample, mode.mode, mode.frequency, mode.damping
         return mode_cards.ModeShape.of(name, *numbers, picture, *_nodal_cells(rotors, V, shape))
 

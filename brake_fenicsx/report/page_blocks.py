@@ -194,7 +194,7 @@ def picture(source: Path | bytes, width: int = WIDEST) -> str:
     if still.width > width:
         still = still.resize((width, round(width * still.height / still.width)), pillow.LANCZOS)
     small = io.BytesIO()
-    still.save(small, "WEBP", quality=85, method=4)
+    still.save(small, "WEBP", quality=86, method=2)
     return _uri(small.getvalue())
 
 

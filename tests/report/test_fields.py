@@ -17,11 +17,7 @@ from brake_fenicsx.report.fields import (  # noqa: E402
     write_phases,
     write_points,
 )
-from brake_fenicsx.report.render import (  # noqa: E402
-    animate_mode,
-    render_mesh,
-    render_mode,
-)
+from brake_fenicsx.report.render import Shapes, render_mesh, render_mode  # noqa: E402
 
 
 def vector_space(comm, n=3, cell=None):
@@ -170,21 +166,35 @@ def test_mode_picture_shows_both_views_in_colour(tmp_path, space):
     assert right > 0.05
 
 
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+def test_the_surface_of_a_cube_has_its_area_and_its_edges(cell):
+    """With middles of edges; a point on an edge stands on each of its faces."""
+    V = vector_space(MPI.COMM_SELF, 2, getattr(mesh.CellType, cell))
+    shapes = Shapes(V)
+    points, n = shapes.rest, shapes.faces.shape[1]
+    assert np.array_equal(points, V.tabulate_dof_coordinates()[shapes.node])
+    corners = [points[shapes.faces[:, j]] for j in (0, 1, n - 2, n - 1)]
+    area = np.linalg.norm(np.cross(corners[1] - corners[0], corners[3] - corners[0]), axis=1)
+    assert area.sum() * (0.5 if n == 3 else 1.0) == pytest.approx(6.0)
+    assert len(points) == 6 * 5**2
+    lines = points[shapes.ends].reshape(-1, 2, 3)
+    assert np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).sum() == pytest.approx(12.0)
+
+
 def test_bodies_in_a_row_hide_nothing():
     """Three boxes on each other: side by side, lowest first, in both views."""
-    from brake_fenicsx.report.render import _levels, in_a_row, view_of
+    from brake_fenicsx.report.render import in_a_row, levels, view_of
 
-    boxes = [pyvista.Box((-1, 1, -1, 1, z, z + 0.9)) for z in (0.0, 1.0, 2.0)]
-    merged = pyvista.merge(boxes, merge_points=False)
-    surface = merged.extract_surface(algorithm="dataset_surface")
-    surface.point_data["body"] = (surface.points[:, 2] // 1).astype(int)
-    surface.point_data["level"] = level = _levels(surface)
-    assert np.array_equal(level, surface.point_data["body"])
+    heights = [0.0, 0.9, 1.0, 1.9, 2.0, 2.9]
+    points = np.array([[x, y, z] for z in heights for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
+    body = (points[:, 2] // 1).astype(int)
+    level = levels(points[:, 2], 2 - body)
+    assert np.array_equal(level, body)
     for side in (1.0, -1.0):
-        view = view_of(surface, side)
-        row = in_a_row(surface, view, side)
+        view = view_of(points, side)
+        row = in_a_row(points, level, view, side)
         right = np.cross([0.0, 0.0, side], view)
-        reach = [(row.points[level == j] @ right / np.linalg.norm(right)) for j in range(3)]
+        reach = [(row[level == j] @ right / np.linalg.norm(right)) for j in range(3)]
         assert reach[0].max() < reach[1].min()
         assert reach[1].max() < reach[2].min()
 
@@ -204,7 +214,8 @@ def test_animated_mode_is_one_period_from_the_largest_motion(tmp_path, space):
     from PIL import Image
 
     values = np.real(values_on(space)) * np.exp(0.4j)
-    path = animate_mode(tmp_path / "mode.webp", space, values, frames=8, width=200)
+    shapes = Shapes(space)
+    path = shapes.film(tmp_path / "mode.webp", values, frames=8, width=200)
     with Image.open(path) as film:
         assert (film.n_frames, film.width) == (8, 200)
         frames = []
@@ -216,9 +227,7 @@ def test_animated_mode_is_one_period_from_the_largest_motion(tmp_path, space):
     assert away[6] < 0.5 * min(away[0], away[4])
     assert np.abs(frames[1] - frames[7]).mean() < 0.5 * away[0]
     assert np.abs(frames[0] - frames[4]).mean() > away[0]
-    assert animate_mode(tmp_path / "b.webp", space, values, 8, 200).read_bytes() == (
-        path.read_bytes()
-    )
+    assert shapes.film(tmp_path / "b.webp", values, 8, 200).read_bytes() == path.read_bytes()
 
 
 def test_mesh_picture_has_one_colour_per_part(tmp_path, space):
