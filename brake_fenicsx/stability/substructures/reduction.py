@@ -15,7 +15,7 @@ from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import Factor, blocks
 
 from ..eigensolvers.symmetric import complete, count_below, modes_not_counted
-from .component import Complement, SeenBody, interface_at, matrices
+from .component import Complement, SeenBody, interface_at, matrices, near_modes
 from .contact_rows import SIGMA, Rows
 from .parameters import InterpolatedCoefficients, Parameters, polynomial_levels
 from .polynomials import Polynomial, imaginary_points, real_points
@@ -88,6 +88,7 @@ class Reduction:
         count = terms // 2 if rows.damped else terms
         kappa: Array = np.asarray(modes.kappa / omega**2, dtype=float)
         self._real = real_points(count, kappa)
+        self._near = max(near_modes(kappa - point) for point in self._real)
         points = imaginary_points(count, kappa) if rows.damped else self._real
         self._points = points
         self._polynomial = Polynomial(points, rows)
@@ -165,7 +166,8 @@ class Reduction:
         shares = proportional(K, C, M)
         interface = interface_at(self._body, self._parameters, x)
         centre = self._body.mass(self._parameters.centre)
-        given = interface, self._body.loads, self._rows, self._coupled, self._omega
+        kappa = None if self._coupled else self._kappa / self._omega**2
+        given = interface, self._body.loads, self._rows, kappa, self._omega, self._near
         body = SeenBody(K, C if shares is None else None, M, self._W, centre, *given)
         points = self._points if shares is None else np.sqrt(-self._real + 0j)
 
@@ -174,8 +176,11 @@ class Reduction:
             progress(1)
             return found
 
-        found = in_turns(len(points), work, self._comm)
-        values = [value for value in found if self._comm.rank == 0]
+        try:
+            found = in_turns(len(points), work, self._comm)
+            values = [value for value in found if self._comm.rank == 0]
+        finally:
+            body.destroy()
         if shares is None or not (self._rows.damped and values):
             return values
         return self._damped(values, shares[0] / self._omega, shares[1] * self._omega)
