@@ -363,9 +363,11 @@ class SeenBody:
 
     def _P(self, s: complex) -> sp.csr_matrix:
         """P in units of the band's end. It is made again when it is wanted: it is large."""
-        square = np.real(s**2) if self.C is None else s**2
-        P = self.K / self.omega**2 + square * self.M
-        return (P if self.C is None else P + s / self.omega * self.C).tocsr()
+        s = s * self.omega
+        P = self.K + (np.real(s**2) if self.C is None else s**2) * self.M
+        P = (P if self.C is None else P + s * self.C).tocsr()
+        P.data /= self.omega**2
+        return P
 
     def _check(self, s: complex, negative: int) -> None:
         """Whether the stiffness and mass are definite at the shift of the reduced model.

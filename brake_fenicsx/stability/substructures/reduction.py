@@ -12,9 +12,9 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from brake_fenicsx.arguments import AnyArray, Array, Index
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.processes import in_turns
-from brake_fenicsx.macro.solver import Factor, blocks
+from brake_fenicsx.macro.solver import blocks
 
-from ..eigensolvers.symmetric import complete, count_below, modes_not_counted
+from ..eigensolvers.symmetric import complete, count_below, factor_near, modes_not_counted
 from .component import Complement, SeenBody, interface_at, matrices, near_modes
 from .contact_rows import SIGMA, Rows
 from .parameters import InterpolatedCoefficients, Parameters, polynomial_levels
@@ -26,6 +26,9 @@ from .substructure import Substructure
 # end, wherever in the box; with shapes beyond almost that, after some attempts, and never below
 # the last multiple of the end itself.
 POLES, ALMOST, NEAREST, ATTEMPTS = 3.3, 0.95, 1.3, 4
+
+# Shift of the modes over their limit: amid, where fewer vectors are needed than at an end.
+AMID = 0.5
 
 # Damping is a combination of mass and stiffness up to this share of it.
 PROPORTIONAL = 1e-10
@@ -316,15 +319,19 @@ def _modes_below(
     body: Substructure, parameters: Parameters, omega: float, cutoff: float
 ) -> tuple[Array, Array]:
     """M-orthonormal modes at the centre, shape (n, modes), and their kappa [1/s^2]; as above."""
-    centre, sigma = parameters.centre, SIGMA * omega**2
+    centre, limit = parameters.centre, (cutoff * omega) ** 2
     K, M = body.stiffness(centre), body.mass(centre)
     # One factor at a time.
-    counted = count_below(K, M, (cutoff * omega) ** 2)
-    factor = Factor((K + sigma * M).tocsr(), "brake_modes_")
-    if factor.negative_pivots:
-        factor.destroy()
-        raise InaccurateResult("the stiffness of a body is not positive definite")
-    found = modes_not_counted(M, factor, -sigma, counted[1])
+    counted = count_below(K, M, limit)
+    factor, sigma = factor_near(K, M, AMID * limit)
+    found = modes_not_counted(M, factor, sigma, counted[1], counted[0])
     factor.destroy()
-    inside, _ = complete(K, M, found.kappa, counted)
+    try:
+        inside, _ = complete(K, M, found.kappa, counted)
+        negative = found.kappa.min(initial=0.0) < -SIGMA * omega**2
+    except InaccurateResult:
+        if not (negative := count_below(K, M, -SIGMA * omega**2)[0] > 0):
+            raise
+    if negative:
+        raise InaccurateResult("the stiffness of a body is not positive definite")
     return found.Phi[:, inside], found.kappa[inside]
