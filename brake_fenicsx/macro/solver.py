@@ -121,8 +121,15 @@ class Factor(OfOneProcess):
         self.seconds: float = time.perf_counter() - start
 
     def _factor(self) -> None:
-        """Factor the matrix as it is; its pattern is analysed the first time alone."""
-        self._ksp.setUp()
+        """Factor the matrix as it is; its pattern is analysed the first time alone.
+
+        Raises:
+            InaccurateResult: the factorisation fails.
+        """
+        try:
+            self._ksp.setUp()
+        except PETSc.Error as error:
+            raise InaccurateResult(f"MUMPS cannot factor the matrix: {error}") from error
         self._F = F = self._ksp.getPC().getFactorMatrix()
         if F.getMumpsInfog(1) < 0:
             raise InaccurateResult(f"""MUMPS cannot factor the matrix: INFOG(1) =
@@ -301,9 +308,9 @@ class InterfaceFactor(Factor):
         self._n, self._kept = A.shape[0], wide.shape[0] * AVAILABLE
         self._pattern = _pattern(A, wide)
         # In place of each value its number among those of ``_values``.
-        whole, border = _numbered(A, 1), _numbered(wide, 1 + A.nnz)
+        whole = _numbered(A, 1)
         if self._kept:
-            every = np.arange(self._kept)
+            every, border = np.arange(self._kept), _numbered(wide, 1 + A.nnz)
             # The diagonal of the last block is stored, though it is zero.
             zero = sp.coo_matrix((np.zeros(self._kept), (every, every)), (self._kept,) * 2)
             whole = joined(whole, separators(A))
@@ -314,6 +321,7 @@ class InterfaceFactor(Factor):
         self._numbers: Index = whole.data.astype(PETSc.IntType)
         whole.data = self._values(A, wide)
         A = petsc_matrix(whole, symmetric)
+        del whole, wide
         super().__init__(A, "brake_interface_", symmetric, self._solves)
         self._take(B, *known)
 
@@ -335,11 +343,8 @@ class InterfaceFactor(Factor):
         if _pattern(A, wide) != self._pattern:
             return False
         self._write(self._values(A, wide))
-        del A
-        try:
-            self._factor()
-        except PETSc.Error as error:
-            raise InaccurateResult(f"MUMPS cannot factor the matrix: {error}") from error
+        del A, wide, self.flexibility
+        self._factor()
         self._take(B, *known)
         return True
 
