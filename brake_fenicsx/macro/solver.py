@@ -95,7 +95,7 @@ class Factor(OfOneProcess):
         """
         start = time.perf_counter()
         self._A = A = A if isinstance(A, PETSc.Mat) else petsc_matrix(A, symmetric)
-        self._ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+        self._symmetric, self._ksp = symmetric, PETSc.KSP().create(PETSc.COMM_SELF)
         self._ksp.setOptionsPrefix(prefix)
         self._ksp.setOperators(A)
         self._ksp.setType("preonly")
@@ -112,13 +112,25 @@ class Factor(OfOneProcess):
             self._ksp.setFromOptions()
             pc.setFactorSetUpSolverType()
             self._prepare(pc.getFactorMatrix())
-            self._ksp.setUp()
+            self._factor()
         except PETSc.Error as error:
             raise InaccurateResult(f"MUMPS cannot factor the matrix: {error}") from error
         finally:
             for name in ours:
                 options.delValue(name)
-        F = pc.getFactorMatrix()
+        self.seconds: float = time.perf_counter() - start
+
+    def _factor(self) -> None:
+        """Factor the matrix as it is; its pattern is analysed the first time alone.
+
+        Raises:
+            InaccurateResult: the factorisation fails.
+        """
+        try:
+            self._ksp.setUp()
+        except PETSc.Error as error:
+            raise InaccurateResult(f"MUMPS cannot factor the matrix: {error}") from error
+        self._F = F = self._ksp.getPC().getFactorMatrix()
         if F.getMumpsInfog(1) < 0:
             raise InaccurateResult(f"""MUMPS cannot factor the matrix: INFOG(1) =
                 {F.getMumpsInfog(1)}""")
@@ -127,8 +139,16 @@ class Factor(OfOneProcess):
                 supports (the command check names part and direction)""")
         self.negative_pivots: int = int(F.getMumpsInfog(12))
         self.gigabytes: float = F.getMumpsInfog(22) / 1e3
-        self._F = F
-        self.seconds: float = time.perf_counter() - start
+
+    def _write(self, values: Array) -> None:
+        """Other values in place of those of the matrix, in the order in which these are stored."""
+        kind, held = "SBAIJ" if self._symmetric else "AIJ", ctypes.POINTER(ctypes.c_double)()
+        A = ctypes.c_void_p(self._A.handle)
+        _call(f"MatSeq{kind}GetArray", A, ctypes.byref(held))
+        np.ctypeslib.as_array(held, shape=values.shape)[:] = values
+        _call(f"MatSeq{kind}RestoreArray", A, ctypes.byref(held))
+        self._A.stateIncrease()
+        self._ksp.setOperators(self._A)
 
     def _prepare(self, F: PETSc.Mat) -> None:
         """Settings of the factor before it is computed."""
@@ -283,31 +303,81 @@ class InterfaceFactor(Factor):
         Raises:
             InaccurateResult: P is singular, or its factor is wrong.
         """
-        A, rows, rng = P(), B.shape[0], np.random.default_rng(0)
-        self._n, self._symmetric = A.shape[0], symmetric
-        # P^-1 of these is known at the interface, of the first through the flexibility.
-        size = np.sqrt(np.asarray(B.multiply(B).sum(axis=1)))
-        size = np.where(size > 0, size, 1.0)
-        v, x = rng.standard_normal((rows, 1)) / size, rng.standard_normal((self._n, 1))
-        load = np.hstack([B.T @ v, A @ x])
-        checked, solves = bool(np.any(load[:, 0])), solves or not AVAILABLE
-        wide = sp.vstack([B, load.T[: 2 * checked]]).tocsr() if checked and not solves else B
-        self._kept = wide.shape[0] * AVAILABLE
+        A, self._solves = P(), solves or not AVAILABLE
+        wide, known = self._rows(A, B)
+        self._n, self._kept = A.shape[0], wide.shape[0] * AVAILABLE
+        self._pattern = _pattern(A, wide)
+        # In place of each value its number among those of ``_values``.
+        whole = _numbered(A, 1)
         if self._kept:
-            every = np.arange(self._kept)
+            every, border = np.arange(self._kept), _numbered(wide, 1 + A.nnz)
             # The diagonal of the last block is stored, though it is zero.
             zero = sp.coo_matrix((np.zeros(self._kept), (every, every)), (self._kept,) * 2)
-            A = joined(A, separators(A))
-            A = sp.triu(A) if symmetric else A
-            A = sp.bmat([[A, wide.T], [None if symmetric else wide, zero]])
-        A = petsc_matrix(A, symmetric)
-        super().__init__(A, "brake_interface_", symmetric, solves)
+            whole = joined(whole, separators(A))
+            whole = sp.triu(whole) if symmetric else whole
+            whole = sp.bmat([[whole, border.T], [None if symmetric else border, zero]])
+        whole = (sp.triu(whole) if symmetric else whole).tocsr()
+        whole.sort_indices()
+        self._numbers: Index = whole.data.astype(PETSc.IntType)
+        whole.data = self._values(A, wide)
+        A = petsc_matrix(whole, symmetric)
+        del whole, wide
+        super().__init__(A, "brake_interface_", symmetric, self._solves)
+        self._take(B, *known)
+
+    def update(self, P: Callable[[], sp.csr_matrix], B: sp.csr_matrix) -> bool:
+        """Factor another matrix of the same pattern, which is not analysed again.
+
+        Args:
+            P: as above.
+            B: likewise.
+
+        Returns:
+            Whether the pattern is the same; if it is not, nothing is done.
+
+        Raises:
+            InaccurateResult: P is singular, or its factor is wrong.
+        """
+        A = P()
+        wide, known = self._rows(A, B)
+        if _pattern(A, wide) != self._pattern:
+            return False
+        self._write(self._values(A, wide))
+        del A, wide, self.flexibility
+        self._factor()
+        self._take(B, *known)
+        return True
+
+    def _rows(
+        self, A: sp.csr_matrix, B: sp.csr_matrix
+    ) -> tuple[sp.csr_matrix, tuple[Array, Array, Array]]:
+        """Rows of the Schur complement; columns, and what P^-1 of them is at the interface.
+
+        That of the first is known through the flexibility: as coordinates of the rows. The second
+        one loads the neighbours of the interface: a dense row is dear to order.
+        """
+        rng, x = np.random.default_rng(0), np.zeros((A.shape[0], 1))
+        v = rng.standard_normal((B.shape[0], 1)) / _size(B)
+        x[B.indices, 0] = rng.standard_normal(B.nnz)
+        load = np.hstack([B.T @ v, A @ x])
+        load = load[:, : 2 * bool(np.any(load[:, 0]))]
+        wide = B if self._solves or not load.shape[1] else sp.vstack([B, load.T]).tocsr()
+        return wide, (load, v, B @ x)
+
+    def _values(self, A: sp.csr_matrix, wide: sp.csr_matrix) -> Array:
+        """Values of what is factored: each is none, one of P or one of the rows."""
+        return np.concatenate([[0.0], A.data, wide.data])[self._numbers]
+
+    def _take(self, B: sp.csr_matrix, load: Array, v: Array, seen: Array) -> None:
+        """Take the flexibility from the factor, and check it; see ``_rows``."""
+        rows = B.shape[0]
         try:
             G = self._complement() if self._kept else self._solved(B)
             self.flexibility: Array = G[:rows, :rows]
-            if checked:
-                seen = G[:rows, rows:] if not solves else B @ self.solve(load)
-                self._check(seen / size, np.hstack([self.flexibility @ v, B @ x]) / size)
+            if load.shape[1]:
+                found = B @ self.solve(load) if self._solves else G[:rows, rows:]
+                known = np.hstack([self.flexibility @ v, seen])
+                self._check(found / _size(B), known / _size(B))
         except InaccurateResult:
             self.destroy()
             raise
@@ -367,6 +437,48 @@ class InterfaceFactor(Factor):
                 are off by {off.max():.1e}""")
 
 
+def interface_factor(
+    held: list[InterfaceFactor], P: Callable[[], sp.csr_matrix], B: sp.csr_matrix,
+    symmetric: bool = True, solves: bool = True,
+) -> InterfaceFactor:  # fmt: skip
+    """A factor like the one that is held, with its analysis where the pattern is the same.
+
+    Args:
+        held: it, or nothing; the new one takes its place.
+        P: see ``InterfaceFactor``.
+        B: likewise.
+        symmetric: as before, as that of the one held.
+        solves: likewise.
+    """
+    if held and not held[0].update(P, B):
+        held.pop().destroy()
+    if not held:
+        held.append(InterfaceFactor(P, B, symmetric, solves))
+    return held[0]
+
+
+def _size(B: sp.csr_matrix) -> Array:
+    """Norm of each row, shape (rows, 1); 1 where it is zero."""
+    size = np.sqrt(np.asarray(B.multiply(B).sum(axis=1)))
+    return np.where(size > 0, size, 1.0)
+
+
+def _numbered(A: sp.csr_matrix, first: int) -> sp.csr_matrix:
+    """A matrix of the same pattern: numbers in place of its values."""
+    numbers = np.arange(first, first + A.nnz, dtype=float)
+    return sp.csr_matrix((numbers, A.indices, A.indptr), A.shape)
+
+
+def _pattern(*matrices: sp.csr_matrix) -> bytes:
+    """What tells patterns apart; indices are sorted."""
+    digest = hashlib.sha256()
+    for A in matrices:
+        A.sort_indices()
+        digest.update(A.indices)
+        digest.update(A.indptr)
+    return digest.digest()
+
+
 def separators(A: sp.csr_matrix) -> list[Index]:
     """Unknowns of the separators of nested dissection, those of the largest parts first.
 
@@ -378,7 +490,7 @@ def separators(A: sp.csr_matrix) -> list[Index]:
     """
     if A.shape[0] < LEAST or not _metis():
         return []
-    pattern = hashlib.sha256(A.indices.tobytes() + A.indptr.tobytes()).digest()
+    pattern = _pattern(A)
     if pattern not in _separators:
         while len(_separators) >= MOST:
             _separators.pop(next(iter(_separators)))

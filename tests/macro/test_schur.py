@@ -6,7 +6,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro import solver
-from brake_fenicsx.macro.solver import InterfaceFactor
+from brake_fenicsx.macro.solver import InterfaceFactor, interface_factor
 
 ROWS, SIDE = 40, 8
 
@@ -72,6 +72,29 @@ def test_without_the_factor(symmetric):
     assert thrown.gigabytes <= kept.gigabytes
     kept.destroy()
     thrown.destroy()
+
+
+@pytest.mark.parametrize("solves", [True, False])
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_another_matrix_of_the_same_pattern(symmetric, solves):
+    """Factored without a new analysis it gives the same; one of another pattern is left alone."""
+    P, B = system(symmetric)
+    Q = (P - 0.4 * sp.identity(P.shape[0])).tocsr()
+    held = []
+    first = interface_factor(held, lambda: P, B, symmetric, solves)
+    assert interface_factor(held, lambda: Q, 2 * B, symmetric, solves) is first
+    known = InterfaceFactor(lambda: Q, 2 * B, symmetric, solves)
+    exact = 4 * B @ np.linalg.inv(Q.toarray()) @ B.T
+    for factor in (first, known):
+        assert np.abs(factor.flexibility - exact).max() < 1e-10 * np.abs(exact).max()
+    assert first.negative_pivots == known.negative_pivots
+    if solves:
+        b = np.random.default_rng(1).standard_normal((P.shape[0], 3))
+        for turned in (False, True):
+            np.testing.assert_allclose(first.solve(b, turned), known.solve(b, turned), atol=1e-10)
+    assert not first.update(lambda: Q, B[:-1])
+    other = interface_factor(held, lambda: Q, B[:-1], symmetric, solves)
+    assert held == [other] and other.flexibility.shape == (ROWS - 1,) * 2
 
 
 @pytest.mark.parametrize("where, solves", [("flexibility", 1), ("flexibility", 0), ("solve", 1)])

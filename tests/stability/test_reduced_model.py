@@ -273,6 +273,16 @@ def test_a_failure_of_one_process_is_raised_on_all(two_blocks, monkeypatch, chan
         Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, 1e11, BAND, comm=scene.comm)
 
 
+@pytest.mark.parametrize("lowest", [-0.5, -500.0])
+def test_an_indefinite_body_is_refused(lowest):
+    """A negative spring: its eigenvalue next to the band or far below, counted but not found."""
+    n, end = 40, (2 * np.pi * BAND[1]) ** 2
+    K = sp.diags(end * np.r_[lowest, np.linspace(0.1, 9.0, n - 1)]).tocsr()
+    N = sp.identity(n, format="csr")[:1]
+    with pytest.raises(InaccurateResult, match="not positive definite"):
+        Reduced(K, sp.identity(n, format="csr"), N, N, np.ones(1), 1e11, BAND)
+
+
 def test_bodies_are_taken_apart(two_blocks):
     """Their matrices and operators put together are those of the whole."""
     scene = two_blocks("guided")

@@ -40,7 +40,7 @@ def chain(damping, rows, softer=1.0):
     interface = {name: every[i::3] for i, name in enumerate("NTR")}
     load = rng.standard_normal((n, 1))
     coupled = damping in ("unequal", "turning") or softer != 1.0
-    body = SeenBody(K, C, M, W, M, interface, load, rows, coupled)
+    body = SeenBody(K, C, M, W, M, interface, load, rows, None if coupled else kappa)
     return body, kappa
 
 

@@ -35,7 +35,7 @@ SYMMETRIC = 1e-12
 ON_EDGE, MOVED = 1e-11, 1e-3
 
 # Vectors of a block.
-BLOCK = 16
+BLOCK = 12
 
 # Convergence is looked for each time the space has grown by this factor: the eigenvalues of its
 # dense matrix cost more than several blocks.

@@ -28,7 +28,7 @@ or a mirror image of another one.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.macro.solver import Factor, InterfaceFactor
+from brake_fenicsx.macro.solver import Factor, InterfaceFactor, interface_factor
 
 from ..eigensolvers.eigenpairs import plus
 from ..eigensolvers.symmetric import is_symmetric
@@ -50,7 +50,7 @@ from .substructure import SAME_ENTRY, MirrorImage, Substructure, mirror_image, t
 BODY = "body"
 
 # Distance of an eigenvalue in kappa below which its kept mode is solved for.
-NEAR = 0.02
+NEAR = 5e-3
 
 INDEFINITE = (
     "the stiffness of a body is not positive definite somewhere in the box of the random"
@@ -304,8 +304,12 @@ class SeenBody:
         interface: rows of the contact elements.
         loads: unit loads, shape (n, loads).
         rows: blocks of contact rows.
-        coupled: whether the kept modes couple with what they leave out.
+        kappa: eigenvalues of the kept modes in units of the band's end; None where these couple
+            with what they leave out.
         omega: end of the band, in whose units lambda is.
+        near: kept modes, the closest to each point, that its factor solves for at least. With the
+            largest number wanted at any point all patterns are the same.
+        factors: the last one, for others of the same pattern.
     """
 
     K: sp.csr_matrix
@@ -316,8 +320,15 @@ class SeenBody:
     interface: dict[str, sp.csr_matrix]
     loads: Array
     rows: Rows
-    coupled: bool
+    kappa: Array | None
     omega: float = 1.0
+    near: int = 0
+    factors: list[InterfaceFactor] = field(default_factory=list)
+
+    @property
+    def coupled(self) -> bool:
+        """Whether the kept modes couple with what they leave out."""
+        return self.kappa is None
 
     def at(self, s: complex) -> AnyArray:
         """[O; W'P] S [I', P W, F] at lambda = s, O the rows that contact forces follow.
@@ -335,24 +346,28 @@ class SeenBody:
         acting = sp.vstack([self.interface[name] for name in self.rows.acting]).tocsr()
         if not (acting.shape[0] or self.coupled):
             return np.zeros((0, self.loads.shape[1]))
-        if not self.coupled:
-            return self._seen(s, acting, *self._on_modes(s, acting))
+        if self.kappa is not None:
+            return self._seen(s, acting, *self._on_modes(s, acting, self.kappa + np.real(s**2)))
         symmetric, real = self.C is None or is_symmetric(self.C), self.C is None or not np.imag(s)
-        factor = _Factor(partial(self._P, s), acting, symmetric, real)
-        try:
-            self._check(s, factor.negative_pivots)
-            MW = self.centre @ self.W
-            X = factor.solve(np.hstack([MW, self.loads]))
-            met = None if factor.symmetric else factor.solve(MW, True).T @ acting.T
-            return self._seen(s, acting, factor.flexibility, acting @ X, MW.T @ X, met)
-        finally:
-            factor.destroy()
+        factor = _Factor(partial(self._P, s), acting, symmetric, real, self.factors)
+        self._check(s, factor.negative_pivots)
+        MW = self.centre @ self.W
+        X = factor.solve(np.hstack([MW, self.loads]))
+        met = None if factor.symmetric else factor.solve(MW, True).T @ acting.T
+        return self._seen(s, acting, factor.flexibility, acting @ X, MW.T @ X, met)
+
+    def destroy(self) -> None:
+        """Free the last factor."""
+        while self.factors:
+            self.factors.pop().destroy()
 
     def _P(self, s: complex) -> sp.csr_matrix:
         """P in units of the band's end. It is made again when it is wanted: it is large."""
-        square = np.real(s**2) if self.C is None else s**2
-        P = self.K / self.omega**2 + square * self.M
-        return (P if self.C is None else P + s / self.omega * self.C).tocsr()
+        s = s * self.omega
+        P = self.K + (np.real(s**2) if self.C is None else s**2) * self.M
+        P = (P if self.C is None else P + s * self.C).tocsr()
+        P.data /= self.omega**2
+        return P
 
     def _check(self, s: complex, negative: int) -> None:
         """Whether the stiffness and mass are definite at the shift of the reduced model.
@@ -368,15 +383,14 @@ class SeenBody:
         if factor.negative_pivots:
             raise InaccurateResult(INDEFINITE)
 
-    def _on_modes(self, s: complex, acting: sp.csr_matrix) -> tuple[Array, Array, Array]:
+    def _on_modes(self, s: complex, acting: sp.csr_matrix, d: Array) -> tuple[Array, Array, Array]:
         """Arguments of ``_seen`` where P W = M W diag(d), without a solve."""
         # Next to an eigenvalue the factor has its own d, which cancels.
-        d = np.einsum("ij,ij->j", self.W, self._P(s) @ self.W)
-        near, r, m = np.flatnonzero(np.abs(d) < NEAR), acting.shape[0], d.size
+        near = np.argsort(np.abs(d))[: max(self.near, near_modes(d))]
+        r, m = acting.shape[0], d.size
         rest = sp.csr_matrix(np.vstack([(self.centre @ self.W[:, near]).T, self.loads.T]))
         wide = sp.vstack([acting, rest]).tocsr()
-        factor = InterfaceFactor(partial(self._P, s), wide, solves=False)
-        factor.destroy()
+        factor = interface_factor(self.factors, partial(self._P, s), wide, solves=False)
         self._check(s, factor.negative_pivots)
         G, pushed = factor.flexibility, self.W.T @ self.loads
         places = np.r_[near, m : m + pushed.shape[1]]
@@ -405,6 +419,11 @@ class SeenBody:
         return np.block([[D[:, :r], source, D[:, r:]], [lead[:, :r], kept, lead[:, r:]]])
 
 
+def near_modes(d: Array) -> int:
+    """Number of kept modes that are solved for at a point, by the distances of their kappa."""
+    return int(np.sum(np.abs(d) < NEAR))
+
+
 class _Factor:
     """Factor of a real or complex P; a complex one by the real form of twice the size.
 
@@ -417,16 +436,17 @@ class _Factor:
     """
 
     def __init__(
-        self, P: Callable[[], sp.csr_matrix], rows: sp.csr_matrix, symmetric: bool, real: bool
-    ):
-        """Factor P, which the function makes.
+        self, P: Callable[[], sp.csr_matrix], rows: sp.csr_matrix, symmetric: bool, real: bool,
+        factors: list[InterfaceFactor],
+    ):  # fmt: skip
+        """Factor P, which the function makes; see ``interface_factor``.
 
         Raises:
             InaccurateResult: P has no factor.
         """
         self._n, self.symmetric, self._real = rows.shape[1], symmetric, real
         if real:
-            self._factor = InterfaceFactor(P, rows, symmetric)
+            self._factor = interface_factor(factors, P, rows, symmetric)
             self.flexibility: AnyArray = self._factor.flexibility
             return
 
@@ -436,7 +456,7 @@ class _Factor:
             return sp.bmat([[A, -B], [sign * B, sign * A]], format="csr")
 
         both = sp.block_diag([rows, rows]).tocsr()
-        self._factor = InterfaceFactor(real_form, both, symmetric)
+        self._factor = interface_factor(factors, real_form, both, symmetric)
         G, r = self._factor.flexibility, rows.shape[0]
         self.flexibility = G[:r, :r] + 1j * G[r:, :r]
 
@@ -453,10 +473,6 @@ class _Factor:
     def negative_pivots(self) -> int:
         """Negative eigenvalues of a real symmetric P."""
         return self._factor.negative_pivots * (self._real and self.symmetric)
-
-    def destroy(self) -> None:
-        """Free the factor."""
-        self._factor.destroy()
 
 
 class Complement:

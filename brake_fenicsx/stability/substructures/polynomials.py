@@ -37,7 +37,7 @@ FIRST = -1e-4
 
 # Points keep this distance in kappa from the eigenvalues of the body, if they can within the width
 # that they may be moved by.
-APART, WIDTH, TRIES = 2e-3, 2e-2, 81
+APART, WIDTH, TRIES = 5e-3, 2e-2, 81
 
 # Least distance of a pole, in units of the band's end, that an error is scaled with.
 NEAR = 0.05

@@ -12,10 +12,10 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from brake_fenicsx.arguments import AnyArray, Array, Index
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.processes import in_turns
-from brake_fenicsx.macro.solver import Factor, blocks
+from brake_fenicsx.macro.solver import blocks
 
-from ..eigensolvers.symmetric import complete, count_below, modes_not_counted
-from .component import Complement, SeenBody, interface_at, matrices
+from ..eigensolvers.symmetric import complete, count_below, factor_near, modes_not_counted
+from .component import Complement, SeenBody, interface_at, matrices, near_modes
 from .contact_rows import SIGMA, Rows
 from .parameters import InterpolatedCoefficients, Parameters, polynomial_levels
 from .polynomials import Polynomial, imaginary_points, real_points
@@ -26,6 +26,9 @@ from .substructure import Substructure
 # end, wherever in the box; with shapes beyond almost that, after some attempts, and never below
 # the last multiple of the end itself.
 POLES, ALMOST, NEAREST, ATTEMPTS = 3.3, 0.95, 1.3, 4
+
+# Shift of the modes over their limit: amid, where fewer vectors are needed than at an end.
+AMID = 0.5
 
 # Damping is a combination of mass and stiffness up to this share of it.
 PROPORTIONAL = 1e-10
@@ -88,6 +91,7 @@ class Reduction:
         count = terms // 2 if rows.damped else terms
         kappa: Array = np.asarray(modes.kappa / omega**2, dtype=float)
         self._real = real_points(count, kappa)
+        self._near = max(near_modes(kappa - point) for point in self._real)
         points = imaginary_points(count, kappa) if rows.damped else self._real
         self._points = points
         self._polynomial = Polynomial(points, rows)
@@ -165,7 +169,8 @@ class Reduction:
         shares = proportional(K, C, M)
         interface = interface_at(self._body, self._parameters, x)
         centre = self._body.mass(self._parameters.centre)
-        given = interface, self._body.loads, self._rows, self._coupled, self._omega
+        kappa = None if self._coupled else self._kappa / self._omega**2
+        given = interface, self._body.loads, self._rows, kappa, self._omega, self._near
         body = SeenBody(K, C if shares is None else None, M, self._W, centre, *given)
         points = self._points if shares is None else np.sqrt(-self._real + 0j)
 
@@ -174,8 +179,11 @@ class Reduction:
             progress(1)
             return found
 
-        found = in_turns(len(points), work, self._comm)
-        values = [value for value in found if self._comm.rank == 0]
+        try:
+            found = in_turns(len(points), work, self._comm)
+            values = [value for value in found if self._comm.rank == 0]
+        finally:
+            body.destroy()
         if shares is None or not (self._rows.damped and values):
             return values
         return self._damped(values, shares[0] / self._omega, shares[1] * self._omega)
@@ -311,15 +319,19 @@ def _modes_below(
     body: Substructure, parameters: Parameters, omega: float, cutoff: float
 ) -> tuple[Array, Array]:
     """M-orthonormal modes at the centre, shape (n, modes), and their kappa [1/s^2]; as above."""
-    centre, sigma = parameters.centre, SIGMA * omega**2
+    centre, limit = parameters.centre, (cutoff * omega) ** 2
     K, M = body.stiffness(centre), body.mass(centre)
     # One factor at a time.
-    counted = count_below(K, M, (cutoff * omega) ** 2)
-    factor = Factor((K + sigma * M).tocsr(), "brake_modes_")
-    if factor.negative_pivots:
-        factor.destroy()
-        raise InaccurateResult("the stiffness of a body is not positive definite")
-    found = modes_not_counted(M, factor, -sigma, counted[1])
+    counted = count_below(K, M, limit)
+    factor, sigma = factor_near(K, M, AMID * limit)
+    found = modes_not_counted(M, factor, sigma, counted[1], counted[0])
     factor.destroy()
-    inside, _ = complete(K, M, found.kappa, counted)
+    try:
+        inside, _ = complete(K, M, found.kappa, counted)
+        negative = found.kappa.min(initial=0.0) < -SIGMA * omega**2
+    except InaccurateResult:
+        if not (negative := count_below(K, M, -SIGMA * omega**2)[0] > 0):
+            raise
+    if negative:
+        raise InaccurateResult("the stiffness of a body is not positive definite")
     return found.Phi[:, inside], found.kappa[inside]
