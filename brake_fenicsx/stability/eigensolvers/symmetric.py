@@ -34,8 +34,9 @@ SYMMETRIC = 1e-12
 # A limit closer than this to an eigenvalue is moved beyond it; by no more than MOVED.
 ON_EDGE, MOVED = 1e-11, 1e-3
 
-# Vectors of a block.
-BLOCK = 12
+# Vectors of a block: a Krylov space of blocks holds no more copies of an eigenvalue than these, and
+# several bodies that nothing holds have many modes at zero.
+BLOCK = 16
 
 # Convergence is looked for each time the space has grown by this factor: the eigenvalues of its
 # dense matrix cost more than several blocks.
@@ -158,7 +159,7 @@ def symmetric_modes(
 
 def modes_not_counted(
     M: sp.csr_matrix, factor: Factor, sigma: float, limit: float,
-    expected: int = 0, tolerance: float = 1e-9,
+    expected: int = 0, tolerance: float = 1e-9, block: int = BLOCK,
 ) -> RealModes:  # fmt: skip
     """Modes up to a limit, and a little beyond as far as a count may move it.
 
@@ -169,12 +170,13 @@ def modes_not_counted(
         limit: largest eigenvalue wanted [1/s^2].
         expected: number of modes, if it is known.
         tolerance: relative residual of every mode.
+        block: vectors of a block.
 
     Raises:
         NotConverged: Lanczos does not converge.
     """
     cutoff = limit * (1 + 2 * MOVED) - sigma
-    found = lowest_modes(factor, M, cutoff, tolerance, expected)
+    found = lowest_modes(factor, M, cutoff, tolerance, expected, block)
     release_memory()
     return RealModes(found.Phi, found.kappa + sigma)
 
@@ -222,8 +224,9 @@ def _polished(
 
 
 def lowest_modes(
-    factor: Solves, M: sp.csr_matrix, cutoff: float, tolerance: float = 1e-9, expected: int = 0
-) -> RealModes:
+    factor: Solves, M: sp.csr_matrix, cutoff: float, tolerance: float = 1e-9, expected: int = 0,
+    block: int = BLOCK,
+) -> RealModes:  # fmt: skip
     """All modes of the pencil whose stiffness is factored up to a distance from zero.
 
     Args:
@@ -233,6 +236,7 @@ def lowest_modes(
         cutoff: largest |eigenvalue| wanted [1/s^2].
         tolerance: relative residual of every mode.
         expected: number of modes, if it is known: there is room for at least so many.
+        block: vectors of a block.
 
     Returns:
         The modes, the closest to zero first. That none is missed is for the caller to prove, by an
@@ -242,7 +246,7 @@ def lowest_modes(
         NotConverged: the Krylov space fills without convergence.
     """
     n = M.shape[0]
-    block = min(BLOCK, n)
+    block = min(block, n)
     room = min(n, max(128 * block, 4 * expected))
     V = np.empty((n, room + block), order="F")
     H = np.zeros((room + block, room + block))

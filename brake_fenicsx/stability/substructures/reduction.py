@@ -28,7 +28,8 @@ from .substructure import Substructure
 POLES, ALMOST, NEAREST, ATTEMPTS = 3.3, 0.95, 1.3, 4
 
 # Shift of the modes over their limit: amid, where fewer vectors are needed than at an end.
-AMID = 0.5
+# Blocks of Lanczos are small: one body has six modes at zero at most.
+AMID, BLOCK = 0.5, 12
 
 # Damping is a combination of mass and stiffness up to this share of it.
 PROPORTIONAL = 1e-10
@@ -324,7 +325,7 @@ def _modes_below(
     # One factor at a time.
     counted = count_below(K, M, limit)
     factor, sigma = factor_near(K, M, AMID * limit)
-    found = modes_not_counted(M, factor, sigma, counted[1], counted[0])
+    found = modes_not_counted(M, factor, sigma, counted[1], counted[0], block=BLOCK)
     factor.destroy()
     try:
         inside, _ = complete(K, M, found.kappa, counted)
