@@ -146,10 +146,6 @@ class TimeUp(BaseException):
     """The time of a block is over."""
 
 
-class Released(BaseException):
-    """What a process does of a work that it shares is done; another one ends the work alone."""
-
-
 class _State:
     asked = finishing = limited = time_up = False
 

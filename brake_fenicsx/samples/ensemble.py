@@ -11,7 +11,7 @@ import numpy as np
 
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.folder.log import Progress, logger
-from brake_fenicsx.folder.processes import Released, asked, ending, finishing, on_first
+from brake_fenicsx.folder.processes import asked, ending, finishing, on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 
@@ -130,7 +130,7 @@ def _run(
 
 
 def compute_sample(task: Task, work: Work, store: Store, keep: bool = True) -> None:
-    """Compute a sample and store it, or its error; or a part of one that another process stores.
+    """Compute a sample and store it, or its error.
 
     Args:
         task: approach and number of the sample.
@@ -144,8 +144,6 @@ def compute_sample(task: Task, work: Work, store: Store, keep: bool = True) -> N
         result = {**error.known, "status": str(error)}
         if keep:
             logger.warning("%s %d: %s", *task, error)
-    except Released:
-        return
     if keep:
         store.samples.save(task, **result)
 

@@ -242,19 +242,14 @@ def reduced_modes(
 def full_modes(
     models: Models, sample: SampleInput, eq: Equilibrium, comm: MPI.Comm = MPI.COMM_SELF
 ) -> Modes:
-    """The same at full order, vectors on all dofs; shared by two processes of a communicator.
-
-    Raises:
-        Released: on the second of them, as soon as its part is done.
-    """
+    """The same at full order, vectors on all dofs; shared by two processes of a communicator."""
     brake, mu, settings = sample.brake, sample.friction.mu, models.reduction.settings
     b, k = brake.contact, eq.k_vibration
     friction = contact_interface(b.N, b.T, b.w * k, mu) if mu.any() else None
     K = tangent(brake.K, b.N, b.T, b.w, k, mu)
     C, zeta = brake.C(sample.friction, eq.p), settings.zeta_max
-    given = brake.M, C, K, (settings.band[0], settings.band[1])
-    shared: dict[str, Any] = {"comm": comm, "released": True}
-    return complex_modes(*given, zeta_max=zeta, friction=friction, **shared)
+    band = settings.band[0], settings.band[1]
+    return complex_modes(brake.M, C, K, band, zeta_max=zeta, friction=friction, comm=comm)
 
 
 def linearised(sample: SampleInput, k: Array, p: Array) -> ContactLinearisation:

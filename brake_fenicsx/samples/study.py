@@ -24,6 +24,7 @@ from brake_fenicsx.macro.contact_forces import EnrichedGap
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
+from brake_fenicsx.stability.full.friction_modes import SIDE_BY_SIDE
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures.parameter_line import Basis
 
@@ -35,7 +36,8 @@ T = TypeVar("T")
 
 VERIFY = "verify"
 # [dofs] below which two processes may share a sample at full order: each holds a factor, and the
-# vectors that they exchange are a message of less than 2 GB.
+# vectors that they exchange are a message of less than 2 GB. Beside pictures, a sample of a small
+# brake is that of one process: shared, it is ready as soon, but takes half a GB more.
 LARGEST = 500_000
 
 
@@ -151,8 +153,9 @@ class Study(OfOneProcess):
         """
         parts = ("samples at full order", self.verify), ("pictures and figures", works)
         what = ", ".join(name for name, there in parts if there)
+        paired = self._paired and not (works and self.brake.K.shape[0] < SIDE_BY_SIDE)
         files = self.store, self.comm
-        return ensemble.run_ensemble((), self.work, *files, self.verify, what, self._paired, works)
+        return ensemble.run_ensemble((), self.work, *files, self.verify, what, paired, works)
 
     def work(self, task: Task, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, Any]:
         """Equilibrium and modes of one sample, as arrays to store.

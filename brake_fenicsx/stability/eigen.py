@@ -27,7 +27,6 @@ import scipy.sparse as sp
 
 from brake_fenicsx.arguments import Array, Complex, frequency_band
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
-from brake_fenicsx.folder.processes import Released
 from brake_fenicsx.macro.solver import whole, with_interface
 
 from .eigensolvers import eigenpairs, symmetric
@@ -74,7 +73,6 @@ def complex_modes(
     frictionless: Any = None,
     friction: Interface | None = None,
     comm: MPI.Comm = MPI.COMM_SELF,
-    released: bool = False,
 ) -> Modes:
     """All complex modes of a frequency band of (lambda^2 M + lambda C + K) phi = 0.
 
@@ -93,7 +91,6 @@ def complex_modes(
             matrices if None, which takes longer.
         comm: processes that call together with the same problem, of which two share the work; each
             solves it for itself if not given.
-        released: whether the second process ends where the first goes on alone.
 
     Returns:
         The modes, sorted by frequency, one of each conjugate pair.
@@ -102,7 +99,6 @@ def complex_modes(
         SceneError: unknown method, or a band that is none.
         NotConverged: the eigensolver leaves a mode unconverged.
         InaccurateResult: the modes found are not as many as were counted.
-        Released: on a process that is done before the other.
     """
     if method != "full":
         raise SceneError(f"method {method!r}: complex_modes knows 'full'; see ReducedModel")
@@ -113,15 +109,12 @@ def complex_modes(
         return damped_modes(problem, whole(C), band, tolerance, zeta_max, counted, comm)
     low, high = ((2 * np.pi * f) ** 2 for f in band)
     found = None
-    small = problem.K.shape[0] <= DENSE
-    if released and comm.rank > 0 and (small or problem.symmetric):
-        raise Released
-    if small:
+    if problem.K.shape[0] <= DENSE:
         found = small_modes(problem, low, high, zeta_max)
     elif problem.symmetric:
         found = _symmetric(problem, high)
     elif problem.friction is not None:
-        found = friction_modes(problem, problem.friction, low, high, zeta_max, comm, released)
+        found = friction_modes(problem, problem.friction, low, high, zeta_max, comm)
     if found is None:
         found = general_modes(problem, high, zeta_max, 1e-2 * tolerance)
     return _record(problem, found, band, tolerance, zeta_max, start)

@@ -9,7 +9,6 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.folder.processes import Released
 from brake_fenicsx.stability import complex_modes, contact_interface
 from brake_fenicsx.stability.eigen import tangent
 from brake_fenicsx.stability.eigensolvers.argument_principle import Trapezium
@@ -105,21 +104,11 @@ def test_processes_share_a_problem(two_blocks, damped, large, monkeypatch):
     C = (1e-7 * scene.K).tocsr() if damped else None
     face = None if damped else contact_interface(scene.N, scene.T, scene.w * k, 0.6)
     alone = complex_modes(scene.M, C, K, BAND, friction=face)
-    shared = {"friction": face, "comm": MPI.COMM_WORLD}
-    found = complex_modes(scene.M, C, K, BAND, **shared)
+    found = complex_modes(scene.M, C, K, BAND, friction=face, comm=MPI.COMM_WORLD)
     assert len(alone) > 5
     assert found.count == alone.count
     for name in ("s", "right", "left", "error", "condition"):
         np.testing.assert_array_equal(getattr(found, name), getattr(alone, name))
-    if damped or large or MPI.COMM_WORLD.size == 1:
-        return
-    # One that may leave does so when its part is done, and the first goes on alone.
-    if MPI.COMM_WORLD.rank:
-        with pytest.raises(Released):
-            complex_modes(scene.M, C, K, BAND, released=True, **shared)
-    else:
-        found = complex_modes(scene.M, C, K, BAND, released=True, **shared)
-        np.testing.assert_array_equal(found.right, alone.right)
 
 
 @pytest.mark.together

@@ -38,7 +38,7 @@ import numpy as np
 import scipy.linalg as la
 
 from brake_fenicsx.arguments import AnyArray, Array, Complex
-from brake_fenicsx.folder.processes import Released, in_turns, on_first, release_memory
+from brake_fenicsx.folder.processes import in_turns, on_first, release_memory
 from brake_fenicsx.macro.solver import BlockProduct
 
 from ..eigensolvers import argument_principle, symmetric
@@ -93,7 +93,6 @@ def friction_modes(
     high: float,
     zeta_max: float,
     comm: MPI.Comm = MPI.COMM_SELF,
-    released: bool = False,
     amid: bool = True,
 ) -> interface.Found | None:
     """Block Arnoldi from either side, and the proof; collective.
@@ -105,7 +104,6 @@ def friction_modes(
         high: upper end [1/s^2].
         zeta_max: largest damping ratio looked for.
         comm: two processes that share the work, or one.
-        released: whether the second one ends where the first goes on alone, see SIDE_BY_SIDE.
         amid: whether the shift may lie amid the band.
 
     Returns:
@@ -115,7 +113,6 @@ def friction_modes(
     Raises:
         NotConverged: an iteration fails.
         InaccurateResult: left and right eigenvalues or the count differ.
-        Released: on a process that is done.
     """
     pencil, held = (p.frictionless, p.M), list[Any]()
     sigma = AMID * high if amid else -symmetric.SHIFT * high
@@ -146,12 +143,7 @@ def friction_modes(
     lost = np.sum(kappa < sigma) < factor.negative_pivots
     if amid and (lost or kappa.min(initial=high) < RIGID * high):
         factor.destroy()
-        return friction_modes(p, friction, low, high, zeta_max, comm, released, amid=False)
-    if released and p.M.shape[0] < SIDE_BY_SIDE and comm.size > 1:
-        if comm.rank > 0:
-            factor.destroy()
-            raise Released
-        comm = MPI.COMM_SELF
+        return friction_modes(p, friction, low, high, zeta_max, comm, amid=False)
     inside, limit = symmetric.complete(*pencil, kappa, counted)
     modes = InterfaceModes(kappa[inside], limit, sigma, P[:, inside], Q[:, inside])
     inverse = interface.Inverse(factor, friction, known)
