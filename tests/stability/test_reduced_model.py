@@ -29,6 +29,7 @@ from brake_fenicsx.stability.substructures import CONSTANT
 from brake_fenicsx.stability.substructures.component import Complement
 from brake_fenicsx.stability.substructures.parameters import InterpolatedCoefficients, Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros
+from brake_fenicsx.stability.substructures.reduction import AMID, kept_modes
 from brake_fenicsx.stability.substructures.substructure import mirror_image
 from brake_fenicsx.stability.substructures.vectors import SETTLED
 from reduced_samples import (
@@ -281,6 +282,21 @@ def test_an_indefinite_body_is_refused(lowest):
     N = sp.identity(n, format="csr")[:1]
     with pytest.raises(InaccurateResult, match="not positive definite"):
         Reduced(K, sp.identity(n, format="csr"), N, N, np.ones(1), 1e11, BAND)
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-13, 1e-10])
+def test_an_eigenvalue_at_the_shift_of_the_kept_modes(off):
+    """It hides all others by its round-off: they are found about another shift."""
+    n = 600
+    line = sp.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1])
+    K = (line + sp.diags(np.linspace(0.0, 1.0, n))).tocsr()
+    exact = la.eigvalsh(K.toarray())
+    body = SimpleNamespace(stiffness=lambda _: K, mass=lambda _: sp.identity(n, format="csr"))
+    body.changes = {}
+    constant = SimpleNamespace(centre=None, softening=1.0, shapes=[], acting_on=lambda _: [])
+    omega = np.sqrt(exact[12] * (1 + off) / AMID)
+    kept = kept_modes(body, constant, omega, 1.0)
+    np.testing.assert_allclose(np.sort(kept.kappa), exact[exact < omega**2], rtol=1e-9)
 
 
 def test_bodies_are_taken_apart(two_blocks):
