@@ -27,6 +27,7 @@ from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.eigensolvers import symmetric
 from brake_fenicsx.stability.substructures import CONSTANT
 from brake_fenicsx.stability.substructures.component import Complement
+from brake_fenicsx.stability.substructures.contact_rows import SIGMA
 from brake_fenicsx.stability.substructures.parameters import InterpolatedCoefficients, Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros
 from brake_fenicsx.stability.substructures.reduction import AMID, kept_modes
@@ -284,19 +285,33 @@ def test_an_indefinite_body_is_refused(lowest):
         Reduced(K, sp.identity(n, format="csr"), N, N, np.ones(1), 1e11, BAND)
 
 
+def chain_and_its_modes():
+    """What ``kept_modes`` takes of a chain of unit masses, and its eigenvalues."""
+    n = 600
+    line = sp.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1])
+    K, M = (line + sp.diags(np.linspace(0.0, 1.0, n))).tocsr(), sp.identity(n, format="csr")
+    body = SimpleNamespace(stiffness=lambda low: K - low * M, mass=lambda _: M, changes={})
+    constant = SimpleNamespace(centre=0.0, softening=1.0, shapes=[], acting_on=lambda _: [])
+    return body, constant, la.eigvalsh(K.toarray())
+
+
 @pytest.mark.parametrize("off", [0.0, 1e-13, 1e-10])
 def test_an_eigenvalue_at_the_shift_of_the_kept_modes(off):
     """It hides all others by its round-off: they are found about another shift."""
-    n = 600
-    line = sp.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1])
-    K = (line + sp.diags(np.linspace(0.0, 1.0, n))).tocsr()
-    exact = la.eigvalsh(K.toarray())
-    body = SimpleNamespace(stiffness=lambda _: K, mass=lambda _: sp.identity(n, format="csr"))
-    body.changes = {}
-    constant = SimpleNamespace(centre=None, softening=1.0, shapes=[], acting_on=lambda _: [])
-    omega = np.sqrt(exact[12] * (1 + off) / AMID)
+    body, constant, exact = chain_and_its_modes()
+    omega = np.sqrt(exact[12] * (1 + off) / AMID / (1 - SIGMA))
     kept = kept_modes(body, constant, omega, 1.0)
     np.testing.assert_allclose(np.sort(kept.kappa), exact[exact < omega**2], rtol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.98])
+def test_a_little_below_zero_modes_are_kept(share):
+    """As far as the shift of the reduced model makes a body definite."""
+    body, constant, exact = chain_and_its_modes()
+    omega = np.sqrt(exact[40])
+    constant.centre = exact[0] + share * SIGMA * omega**2
+    kept, exact = kept_modes(body, constant, omega, 1.0), exact - constant.centre
+    np.testing.assert_allclose(np.sort(kept.kappa), exact[exact < omega**2], atol=1e-9 * omega**2)
 
 
 def test_bodies_are_taken_apart(two_blocks):

@@ -33,8 +33,9 @@ from .substructure import Substructure
 # the last multiple of the end itself.
 POLES, ALMOST, NEAREST, ATTEMPTS = 3.3, 0.95, 1.3, 4
 
-# Shift of the modes over their limit: amid, where fewer vectors are needed than at an end, and
-# another one for an eigenvalue that lies at it: its round-off hides all others.
+# Shift of the modes over the sum of their limits, -SIGMA and that of the cutoff: amid, where fewer
+# vectors are needed than at an end, and another one for an eigenvalue that lies at it: its
+# round-off hides all others.
 # Blocks of Lanczos are small: one body has six modes at zero at most.
 AMID, BESIDE, BLOCK = 0.5, 0.499, 12
 
@@ -327,13 +328,13 @@ def _modes_below(
     body: Substructure, parameters: Parameters, omega: float, cutoff: float
 ) -> tuple[Array, Array]:
     """M-orthonormal modes at the centre, shape (n, modes), and their kappa [1/s^2]; as above."""
-    centre, limit = parameters.centre, (cutoff * omega) ** 2
+    centre, limit, lowest = parameters.centre, (cutoff * omega) ** 2, -SIGMA * omega**2
     K, M = body.stiffness(centre), body.mass(centre)
     # One factor at a time.
     counted = count_below(K, M, limit)
 
     def about(share: float) -> RealModes:
-        factor, sigma = factor_near(K, M, share * limit)
+        factor, sigma = factor_near(K, M, share * (limit + lowest))
         try:
             return modes_not_counted(M, factor, sigma, counted[1], counted[0], block=BLOCK)
         finally:
@@ -345,9 +346,9 @@ def _modes_below(
         found = about(BESIDE)
     try:
         inside, _ = complete(K, M, found.kappa, counted)
-        negative = found.kappa.min(initial=0.0) < -SIGMA * omega**2
+        negative = found.kappa.min(initial=0.0) < lowest
     except InaccurateResult:
-        if not (negative := count_below(K, M, -SIGMA * omega**2)[0] > 0):
+        if not (negative := count_below(K, M, lowest)[0] > 0):
             raise
     if negative:
         raise InaccurateResult("the stiffness of a body is not positive definite")
