@@ -33,7 +33,7 @@ OPTIONS = ("brake-fenicsx", "-skip_petscrc", "-no_signal_handler")
 BODIES = ("parts", "mesh", "contact")
 # Whose versions a run records, if it used them.
 MECHANICS = "numpy", "scipy", "dolfinx", "mpi4py", "petsc4py", "slepc4py", "gmsh", "meshio"
-OTHERS = "SurfaceTopography", "pyfftw", "SALib", "matplotlib", "pyvista", "pyuff"
+OTHERS = "SurfaceTopography", "pyfftw", "SALib", "matplotlib", "vtkmodules", "pyuff"
 LIBRARIES = *MECHANICS, "h5py", "pint", *OTHERS
 
 CPUINFO, MAPS = Path("/proc/cpuinfo"), Path("/proc/self/maps")

@@ -1,4 +1,4 @@
-"""Speed against error of the micro-contact, one table: ``python scripts/bench_micro.py [--all]``.
+"""Speed against error of the micro-contact, one table: ``python scripts/bench_micro.py``.
 
 Rows: one contact from a cold start (grid, boundary, load, tolerance), 20 loads one after the other,
 a law, a library, and the error the grid itself makes at braking pressure. Errors are relative to a

@@ -152,12 +152,12 @@ def test_no_ears_if_none_are_named():
 @pytest.mark.parametrize(
     ("stages", "absent"),
     [
-        ("['equilibrium']", ["slepc4py", "SurfaceTopography", "matplotlib", "pyvista"]),
+        ("['equilibrium']", ["slepc4py", "SurfaceTopography", "matplotlib", "vtkmodules"]),
         (
             "['equilibrium','stability']",
             ["SurfaceTopography", "matplotlib", "brake_fenicsx.extras.limit_cycle.cycles"],
         ),
-        ("['surface']", ["dolfinx", "petsc4py", "slepc4py", "gmsh", "matplotlib", "pyvista"]),
+        ("['surface']", ["dolfinx", "petsc4py", "slepc4py", "gmsh", "matplotlib", "vtkmodules"]),
     ],
 )
 def test_unnamed_stage_is_not_imported(stages, absent, tmp_path):

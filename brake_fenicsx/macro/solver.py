@@ -62,7 +62,7 @@ INTERIOR, TURNED = 26, 9
 # many others before and after it: measured on bodies of 39,000 to 292,000 unknowns.
 LEAST, REACH = 2000, 200
 
-# Separators of so many patterns are kept: each body is factored at several frequencies.
+# Separators of so many patterns are kept: a body is analysed for each point of the box.
 MOST = 8
 OPTIONS = 40  # METIS_NOPTIONS
 _separators: dict[bytes, list[Index]] = {}
@@ -470,10 +470,10 @@ def _numbered(A: sp.csr_matrix, first: int) -> sp.csr_matrix:
 
 
 def _pattern(*matrices: sp.csr_matrix) -> bytes:
-    """What tells patterns apart; indices are sorted."""
+    """What tells patterns apart; indices are sorted, and entries of one place become one."""
     digest = hashlib.sha256()
     for A in matrices:
-        A.sort_indices()
+        A.sum_duplicates()
         digest.update(A.indices)
         digest.update(A.indptr)
     return digest.digest()

@@ -305,7 +305,8 @@ def _plain(data: Any, kind: str) -> tuple[Index, Index]:
     found = getattr(data, f"Get{kind}")()
     number = _arrays().vtk_to_numpy(data.GetPointData().GetArray("number"))
     points = _arrays().vtk_to_numpy(found.GetConnectivityArray())
-    return number, points.reshape(found.GetNumberOfCells(), -1)
+    # A ball has no sharp edge.
+    return number, points.reshape(-1, max(found.GetMaxCellSize(), 2))
 
 
 def levels(z: Array, body: Index) -> Index:

@@ -61,6 +61,19 @@ def test_rows_of_held_displacements_alone(symmetric):
     assert not InterfaceFactor(lambda: P, 0 * B).flexibility.any()
 
 
+@pytest.mark.parametrize("solves", [True, False])
+def test_entries_of_one_place_are_added(solves):
+    """Matrices whose entries are stored in two halves."""
+    P, B = system(True)
+    P2, B2 = (
+        sp.csr_matrix((np.repeat(A.data / 2, 2), np.repeat(A.indices, 2), 2 * A.indptr), A.shape)
+        for A in (P, B)
+    )
+    exact = B @ np.linalg.inv(P.toarray()) @ B.T
+    off = InterfaceFactor(lambda: P2, B2, True, solves).flexibility - exact
+    assert np.abs(off).max() < 1e-10 * np.abs(exact).max()
+
+
 @pytest.mark.parametrize("symmetric", [True, False])
 def test_without_the_factor(symmetric):
     """The flexibility and the inertia are those of a factor that is kept."""

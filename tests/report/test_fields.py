@@ -181,6 +181,21 @@ def test_the_surface_of_a_cube_has_its_area_and_its_edges(cell):
     assert np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).sum() == pytest.approx(12.0)
 
 
+def test_a_ball_has_no_sharp_edge(tmp_path):
+    """A cube that is blown up: faces alone are drawn."""
+    from matplotlib.image import imread
+
+    domain = mesh.create_unit_cube(MPI.COMM_SELF, 6, 6, 6, mesh.CellType.hexahedron)
+    x = 2 * domain.geometry.x - 1
+    length = np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-9)
+    domain.geometry.x[:] = x * np.abs(x).max(axis=1, keepdims=True) / length
+    space = vector_space_on(domain)
+    shapes = Shapes(space)
+    assert shapes.ends.size == 0
+    image = imread(shapes.still(tmp_path / "ball.png", values_on(space)))
+    assert image.min() < 0.5
+
+
 def test_bodies_in_a_row_hide_nothing():
     """Three boxes on each other: side by side, lowest first, in both views."""
     from brake_fenicsx.report.render import in_a_row, levels, view_of

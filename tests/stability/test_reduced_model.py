@@ -27,8 +27,10 @@ from brake_fenicsx.stability.damping_matrices import gyroscopic
 from brake_fenicsx.stability.eigensolvers import symmetric
 from brake_fenicsx.stability.substructures import CONSTANT
 from brake_fenicsx.stability.substructures.component import Complement
+from brake_fenicsx.stability.substructures.contact_rows import SIGMA
 from brake_fenicsx.stability.substructures.parameters import InterpolatedCoefficients, Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros
+from brake_fenicsx.stability.substructures.reduction import AMID, kept_modes
 from brake_fenicsx.stability.substructures.substructure import mirror_image
 from brake_fenicsx.stability.substructures.vectors import SETTLED
 from reduced_samples import (
@@ -281,6 +283,35 @@ def test_an_indefinite_body_is_refused(lowest):
     N = sp.identity(n, format="csr")[:1]
     with pytest.raises(InaccurateResult, match="not positive definite"):
         Reduced(K, sp.identity(n, format="csr"), N, N, np.ones(1), 1e11, BAND)
+
+
+def chain_and_its_modes():
+    """What ``kept_modes`` takes of a chain of unit masses, and its eigenvalues."""
+    n = 600
+    line = sp.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1])
+    K, M = (line + sp.diags(np.linspace(0.0, 1.0, n))).tocsr(), sp.identity(n, format="csr")
+    body = SimpleNamespace(stiffness=lambda low: K - low * M, mass=lambda _: M, changes={})
+    constant = SimpleNamespace(centre=0.0, softening=1.0, shapes=[], acting_on=lambda _: [])
+    return body, constant, la.eigvalsh(K.toarray())
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-13, 1e-10])
+def test_an_eigenvalue_at_the_shift_of_the_kept_modes(off):
+    """It hides all others by its round-off: they are found about another shift."""
+    body, constant, exact = chain_and_its_modes()
+    omega = np.sqrt(exact[12] * (1 + off) / AMID / (1 - SIGMA))
+    kept = kept_modes(body, constant, omega, 1.0)
+    np.testing.assert_allclose(np.sort(kept.kappa), exact[exact < omega**2], rtol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.98])
+def test_a_little_below_zero_modes_are_kept(share):
+    """As far as the shift of the reduced model makes a body definite."""
+    body, constant, exact = chain_and_its_modes()
+    omega = np.sqrt(exact[40])
+    constant.centre = exact[0] + share * SIGMA * omega**2
+    kept, exact = kept_modes(body, constant, omega, 1.0), exact - constant.centre
+    np.testing.assert_allclose(np.sort(kept.kappa), exact[exact < omega**2], atol=1e-9 * omega**2)
 
 
 def test_bodies_are_taken_apart(two_blocks):

@@ -1,5 +1,7 @@
 """What interface and kept modes see of the rest of a body, on a chain, against dense inverses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -74,6 +76,19 @@ def test_values_at_one_frequency(damping, rows, softer, s):
     found, wanted = body.at(s), exact(body, s)
     assert np.iscomplexobj(found) == (damping != "none" and bool(np.imag(s)))
     assert np.abs(found - wanted).max() < 1e-9 * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize("near", [0, 3])
+@pytest.mark.parametrize("damping", ["none", "unequal", "turning"])
+def test_values_at_one_frequency_after_another(damping, near):
+    """By one analysis of a pattern, also with more kept modes solved for than are close."""
+    body = replace(chain(damping, DAMPED)[0], near=near)
+    for s in (0.01, 0.6j, 0.02, 0.3j, 0.9j):
+        found, wanted = body.at(s), exact(body, s)
+        assert np.abs(found - wanted).max() < 1e-9 * np.abs(wanted).max()
+    (held,) = body.factors
+    body.destroy()
+    assert not body.factors and not held._F
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 5])

@@ -58,10 +58,8 @@ class RealModes:
 
 def is_symmetric(A: sp.spmatrix) -> bool:
     """Whether a matrix is its own transpose, to round-off."""
-    limit, x = (
-        SYMMETRIC * np.abs(A.data).max(initial=0.0),
-        np.random.default_rng(0).random(A.shape[1]),
-    )
+    limit = SYMMETRIC * np.abs(A.data).max(initial=0.0)
+    x = np.random.default_rng(0).random(A.shape[1])
     # No sum of so many differences within the limit is as large, and it costs next to nothing.
     if np.abs(A @ x - A.T @ x).max(initial=0.0) > 2 * A.shape[1] * limit:
         return False

@@ -10,11 +10,17 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from brake_fenicsx.arguments import AnyArray, Array, Index
-from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import blocks
 
-from ..eigensolvers.symmetric import complete, count_below, factor_near, modes_not_counted
+from ..eigensolvers.symmetric import (
+    RealModes,
+    complete,
+    count_below,
+    factor_near,
+    modes_not_counted,
+)
 from .component import Complement, SeenBody, interface_at, matrices, near_modes
 from .contact_rows import SIGMA, Rows
 from .parameters import InterpolatedCoefficients, Parameters, polynomial_levels
@@ -27,9 +33,11 @@ from .substructure import Substructure
 # the last multiple of the end itself.
 POLES, ALMOST, NEAREST, ATTEMPTS = 3.3, 0.95, 1.3, 4
 
-# Shift of the modes over their limit: amid, where fewer vectors are needed than at an end.
+# Shift of the modes over the sum of their limits, -SIGMA and that of the cutoff: amid, where fewer
+# vectors are needed than at an end, and another one for an eigenvalue that lies at it: its
+# round-off hides all others.
 # Blocks of Lanczos are small: one body has six modes at zero at most.
-AMID, BLOCK = 0.5, 12
+AMID, BESIDE, BLOCK = 0.5, 0.499, 12
 
 # Damping is a combination of mass and stiffness up to this share of it.
 PROPORTIONAL = 1e-10
@@ -320,18 +328,27 @@ def _modes_below(
     body: Substructure, parameters: Parameters, omega: float, cutoff: float
 ) -> tuple[Array, Array]:
     """M-orthonormal modes at the centre, shape (n, modes), and their kappa [1/s^2]; as above."""
-    centre, limit = parameters.centre, (cutoff * omega) ** 2
+    centre, limit, lowest = parameters.centre, (cutoff * omega) ** 2, -SIGMA * omega**2
     K, M = body.stiffness(centre), body.mass(centre)
     # One factor at a time.
     counted = count_below(K, M, limit)
-    factor, sigma = factor_near(K, M, AMID * limit)
-    found = modes_not_counted(M, factor, sigma, counted[1], counted[0], block=BLOCK)
-    factor.destroy()
+
+    def about(share: float) -> RealModes:
+        factor, sigma = factor_near(K, M, share * (limit + lowest))
+        try:
+            return modes_not_counted(M, factor, sigma, counted[1], counted[0], block=BLOCK)
+        finally:
+            factor.destroy()
+
+    try:
+        found = about(AMID)
+    except NotConverged:
+        found = about(BESIDE)
     try:
         inside, _ = complete(K, M, found.kappa, counted)
-        negative = found.kappa.min(initial=0.0) < -SIGMA * omega**2
+        negative = found.kappa.min(initial=0.0) < lowest
     except InaccurateResult:
-        if not (negative := count_below(K, M, -SIGMA * omega**2)[0] > 0):
+        if not (negative := count_below(K, M, lowest)[0] > 0):
             raise
     if negative:
         raise InaccurateResult("the stiffness of a body is not positive definite")
