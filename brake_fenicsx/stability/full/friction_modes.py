@@ -192,11 +192,10 @@ def _both_sides(
 
     def apply(asked: dict[bool, Array]) -> dict[bool, Array]:
         # Solves of both sides as one: the fewer columns a solve has, the more one of them costs.
-        x = inverse(
-            mass(np.hstack(list(asked.values()))), asked[True].shape[1] if True in asked else 0
-        )
-        ends = np.cumsum([block.shape[1] for block in asked.values()])
-        return {side: part for side, part in zip(asked, np.hsplit(x, ends[:-1]), strict=True)}
+        right = asked[False].shape[1] if False in asked else 0
+        b = np.hstack([asked[side] for side in (False, True) if side in asked])
+        x = inverse(mass(b), turned=b.shape[1] - right)
+        return {side: x[:, right:] if side else x[:, :right] for side in asked}
 
     def found(sides: tuple[bool, ...]) -> dict[bool, tuple[Complex, Complex]]:
         reached = argument_principle.RIM * reach
