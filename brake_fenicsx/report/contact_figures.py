@@ -293,7 +293,8 @@ def draw_pads(run: RunData, maps: Sequence[PadMap], colours: str) -> style.Figur
     for axis in axes[-1]:
         axis.set_xlabel("x [mm]")
     # A first layout: the labels of a colour bar, and so its width, are known once it has a place.
-    figure.get_layout_engine().execute(figure)
+    if layout := figure.get_layout_engine():
+        layout.execute(figure)
     return figure
 
 

@@ -138,7 +138,7 @@ def png_of(
 
     # One canvas for layout and drawing, which then share the sizes of all texts; `savefig` takes
     # others, and draws the whole figure to no file before it looks for the places.
-    canvas = FigureCanvasAgg(figure)
+    canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
     sheet = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
     for place, image in images.items():

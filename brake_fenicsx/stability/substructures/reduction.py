@@ -178,7 +178,8 @@ class Reduction:
         shares = proportional(K, C, M)
         interface = interface_at(self._body, self._parameters, x)
         centre = self._body.mass(self._parameters.centre)
-        kappa = None if self._coupled else self._kappa / self._omega**2
+        scaled: Array = np.asarray(self._kappa / self._omega**2, dtype=float)
+        kappa = None if self._coupled else scaled
         given = interface, self._body.loads, self._rows, kappa, self._omega, self._near
         body = SeenBody(K, C if shares is None else None, M, self._W, centre, *given)
         points = self._points if shares is None else np.sqrt(-self._real + 0j)
