@@ -33,10 +33,10 @@ from .substructure import Substructure
 # the last multiple of the end itself.
 POLES, ALMOST, NEAREST, ATTEMPTS = 3.3, 0.95, 1.3, 4
 
-# Shift of the modes over the sum of their limits, -SIGMA and that of the cutoff: amid, where fewer
-# vectors are needed than at an end, and another one for an eigenvalue that lies at it: its
-# round-off hides all others.
-# Blocks of Lanczos are small: one body has six modes at zero at most.
+# The shift of Lanczos over the sum of the limits of the kept modes, -SIGMA and the square of the
+# cutoff: amid them fewer vectors are needed than at an end. At an eigenvalue the round-off of that
+# one hides all others, and the second is taken. Blocks are small: a body has at most six modes at
+# zero.
 AMID, BESIDE, BLOCK = 0.5, 0.499, 12
 
 # Damping is a combination of mass and stiffness up to this share of it.
