@@ -52,7 +52,8 @@ DISCARDED = "mat_mumps_icntl_31"
 
 # Symbols are looked up through the module that is linked with the library.
 _petsc = ctypes.CDLL(PETSc.__file__)
-_NAMES = ("MatFactorSetSchurIS", "MatFactorGetSchurComplement")
+_ARRAYS = tuple(f"MatSeq{k}{do}Array" for k in ("SBAIJ", "AIJ") for do in ("Get", "Restore"))
+_NAMES = ("MatFactorSetSchurIS", "MatFactorGetSchurComplement", *_ARRAYS)
 AVAILABLE = all(hasattr(_petsc, name) for name in _NAMES)
 
 # Of MUMPS: with 0, solves leave the rows of the Schur complement out; with 0, a transposed solve.
@@ -333,11 +334,14 @@ class InterfaceFactor(Factor):
             B: likewise.
 
         Returns:
-            Whether the pattern is the same; if it is not, nothing is done.
+            Whether the pattern is the same and the library has what writes values; else nothing is
+            done.
 
         Raises:
             InaccurateResult: P is singular, or its factor is wrong.
         """
+        if not AVAILABLE:
+            return False
         A = P()
         wide, known = self._rows(A, B)
         if _pattern(A, wide) != self._pattern:

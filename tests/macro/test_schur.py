@@ -89,8 +89,11 @@ def test_without_the_factor(symmetric):
 
 @pytest.mark.parametrize("solves", [True, False])
 @pytest.mark.parametrize("symmetric", [True, False])
-def test_another_matrix_of_the_same_pattern(symmetric, solves):
-    """Factored without a new analysis it gives the same; one of another pattern is left alone."""
+def test_another_matrix_of_the_same_pattern(symmetric, solves, monkeypatch):
+    """Factored without a new analysis it gives the same; one of another pattern is left alone.
+
+    So is any where the library has nothing that writes values.
+    """
     P, B = system(symmetric)
     Q = (P - 0.4 * sp.identity(P.shape[0])).tocsr()
     held = []
@@ -105,6 +108,9 @@ def test_another_matrix_of_the_same_pattern(symmetric, solves):
         b = np.random.default_rng(1).standard_normal((P.shape[0], 3))
         for turned in (False, True):
             np.testing.assert_allclose(first.solve(b, turned), known.solve(b, turned), atol=1e-10)
+    with monkeypatch.context() as without:
+        without.setattr(solver, "AVAILABLE", False)
+        assert not first.update(lambda: P, B)
     assert not first.update(lambda: Q, B[:-1])
     other = interface_factor(held, lambda: Q, B[:-1], symmetric, solves)
     assert held == [other] and other.flexibility.shape == (ROWS - 1,) * 2
