@@ -29,8 +29,8 @@ from brake_fenicsx.stability.substructures import CONSTANT
 from brake_fenicsx.stability.substructures.component import Complement
 from brake_fenicsx.stability.substructures.contact_rows import SIGMA
 from brake_fenicsx.stability.substructures.parameters import InterpolatedCoefficients, Interpolation
-from brake_fenicsx.stability.substructures.polynomials import zeros
-from brake_fenicsx.stability.substructures.reduction import AMID, kept_modes
+from brake_fenicsx.stability.substructures.polynomials import lowest_coefficients, zeros
+from brake_fenicsx.stability.substructures.reduction import AMID, Reduction, kept_modes
 from brake_fenicsx.stability.substructures.substructure import mirror_image
 from brake_fenicsx.stability.substructures.vectors import SETTLED
 from reduced_samples import (
@@ -532,3 +532,42 @@ def test_moments_between_the_anchors(degrees, digits):
             assert len(errors) == 3 and all(e.dtype == np.float32 for e in errors)
             if more:
                 assert off.max() <= 8 * max(np.abs(e).max() for e in errors)
+
+
+def test_first_coefficients_where_the_others_are_interpolated():
+    """As many values as coefficients are enough: an anchor knows those it is not there for."""
+    degrees, rng = (6, 4, 2), np.random.default_rng(5)
+    moments = InterpolatedCoefficients((6, 6), degrees)
+    powers = [[(i, j) for i in range(n + 1) for j in range(n + 1 - i)] for n in degrees]
+    factors = [rng.standard_normal((len(of), 4, 3)) for of in powers]
+
+    def exact(x):
+        terms = [np.array([x[0] ** i * x[1] ** j for i, j in of]) for of in powers]
+        return np.array([np.tensordot(t, f, 1) for t, f in zip(terms, factors, strict=True)])
+
+    for i in moments.order:
+        w = np.linspace(0.05, 1.0, moments.counts[i])
+        values = [np.tensordot(x ** np.arange(3), exact(moments.points[i]), 1) for x in w]
+        found = lowest_coefficients(w, values, moments.beyond(i))
+        # What is known is held in single precision.
+        np.testing.assert_allclose(found, exact(moments.points[i])[: len(w)], atol=2e-5)
+        moments.add(i, found)
+    assert {moments.counts[i] for i in moments.order} == {1, 2, 3}
+
+
+def test_anchors_have_as_many_points_as_coefficients(two_blocks, monkeypatch):
+    """All of them where checks are made, at the centre and where the body is softest."""
+    plans, totals, done, plan = [], [], [], Reduction.plan
+    monkeypatch.setattr(Reduction, "plan", lambda *given: plans.append(plan(*given)) or plans[-1])
+    scene = two_blocks("coarse")
+    bodies = substructures(scene, "undamped", changing=True)
+    given = bodies, scene.w, BAND, box(scene, "undamped")
+    reduce_bodies(*given, progress=lambda total: totals.append(total) or done.append)
+    assert sum(done) == sum(totals) == sum(one.factors for one in plans)
+    pad = max(plans, key=lambda one: one.factors)
+    counts, every = pad.coefficients.counts, len(pad.points[0])
+    softest = int(np.argmax([np.sum(x) for x in pad.coefficients.points]))
+    whole = {i for i, points in pad.points.items() if len(points) == every}
+    assert whole == {softest} | {i for i, count in enumerate(counts) if count == every - 1}
+    assert all(len(pad.points[i]) == counts[i] for i in pad.points.keys() - whole)
+    assert pad.factors < 0.75 * every * len(pad.points)

@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from brake_fenicsx.stability.substructures.component import SeenBody
+from brake_fenicsx.stability.substructures.component import Products, SeenBody
 from brake_fenicsx.stability.substructures.contact_rows import SIGMA, Rows
 from brake_fenicsx.stability.substructures.polynomials import (
     Polynomial,
@@ -42,7 +42,8 @@ def chain(damping, rows, softer=1.0):
     interface = {name: every[i::3] for i, name in enumerate("NTR")}
     load = rng.standard_normal((n, 1))
     coupled = damping in ("unequal", "turning") or softer != 1.0
-    body = SeenBody(K, C, M, W, M, interface, load, rows, None if coupled else kappa)
+    kept = Products(M @ W, W.T @ K @ W, W.T @ M @ W) if coupled else kappa
+    body = SeenBody(K, C, M, W, M, interface, load, rows, kept)
     return body, kappa
 
 

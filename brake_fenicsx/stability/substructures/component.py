@@ -121,7 +121,11 @@ class Component:
         """The substructure at a point of the box, shape (d,)."""
         rows = self.interface(x)
         motions = self._still if rows is self.body.interface else self._motions(rows)
-        return AtPoint(self._modal(x), *self._coefficients.at(x[self._own]), *motions)
+        return AtPoint(self._modal(x), *self._coefficients.at(self.own(x)), *motions)
+
+    def own(self, x: Array) -> Array:
+        """Those of the coordinates of a point of the box that the body depends on."""
+        return np.asarray(x[self._own])
 
     def growth(self, w: Complex) -> Array:
         """Error of the polynomials at some w over that at the end of the band."""
@@ -292,6 +296,21 @@ def placed(
 
 
 @dataclass(frozen=True, slots=True)
+class Products:
+    """What the kept modes W of a body make.
+
+    Attributes:
+        MW: mass at the centre of the box times them, shape (n, modes).
+        K: W'K W of the stiffness, shape (modes, modes).
+        M: W'M W of the mass, likewise.
+    """
+
+    MW: Array
+    K: Array
+    M: Array
+
+
+@dataclass(frozen=True, slots=True)
 class SeenBody:
     """A body and what sees it, at a point of the box.
 
@@ -304,8 +323,8 @@ class SeenBody:
         interface: rows of the contact elements.
         loads: unit loads, shape (n, loads).
         rows: blocks of contact rows.
-        kappa: eigenvalues of the kept modes in units of the band's end; None where these couple
-            with what they leave out.
+        kept: eigenvalues of the kept modes in units of the band's end, or what they make where
+            they couple with what they leave out.
         omega: end of the band, in whose units lambda is.
         near: kept modes, the closest to each point, that its factor solves for at least. With the
             largest number wanted at any point all patterns are the same.
@@ -320,7 +339,7 @@ class SeenBody:
     interface: dict[str, sp.csr_matrix]
     loads: Array
     rows: Rows
-    kappa: Array | None
+    kept: Array | Products
     omega: float = 1.0
     near: int = 0
     factors: list[InterfaceFactor] = field(default_factory=list)
@@ -328,7 +347,7 @@ class SeenBody:
     @property
     def coupled(self) -> bool:
         """Whether the kept modes couple with what they leave out."""
-        return self.kappa is None
+        return isinstance(self.kept, Products)
 
     def at(self, s: complex) -> AnyArray:
         """[O; W'P] S [I', P W, F] at lambda = s, O the rows that contact forces follow.
@@ -346,12 +365,12 @@ class SeenBody:
         acting = sp.vstack([self.interface[name] for name in self.rows.acting]).tocsr()
         if not (acting.shape[0] or self.coupled):
             return np.zeros((0, self.loads.shape[1]))
-        if self.kappa is not None:
-            return self._seen(s, acting, *self._on_modes(s, acting, self.kappa + np.real(s**2)))
+        if not isinstance(self.kept, Products):
+            return self._seen(s, acting, *self._on_modes(s, acting, self.kept + np.real(s**2)))
         symmetric, real = self.C is None or is_symmetric(self.C), self.C is None or not np.imag(s)
         factor = _Factor(partial(self._P, s), acting, symmetric, real, self.factors)
         self._check(s, factor.negative_pivots)
-        MW = self.centre @ self.W
+        MW = self.kept.MW
         X = factor.solve(np.hstack([MW, self.loads]))
         met = None if factor.symmetric else factor.solve(MW, True).T @ acting.T
         return self._seen(s, acting, factor.flexibility, acting @ X, MW.T @ X, met)
@@ -411,11 +430,14 @@ class SeenBody:
         H = np.linalg.inv(held[:, :m])
         L = H @ np.hstack([seen[:, :m].T if met is None else met, held[:, m:]])
         D = np.hstack([flexibility[some], seen[some, m:]]) - seen[some, :m] @ L
-        if not self.coupled:
+        if not isinstance(self.kept, Products):
             return np.asarray(D)
         source = acting[some] @ self.W - seen[some, :m] @ H
         lead = np.hstack([(acting @ self.W).T, self.W.T @ self.loads]) - L
-        kept = self.W.T @ (self._P(s) @ self.W) - H
+        if self.C is None:
+            kept = self.kept.K / self.omega**2 + np.real(s**2) * self.kept.M - H
+        else:
+            kept = self.W.T @ (self._P(s) @ self.W) - H
         return np.block([[D[:, :r], source, D[:, r:]], [lead[:, :r], kept, lead[:, r:]]])
 
 

@@ -108,18 +108,23 @@ def reduce_bodies(
         for body, kept in zip(bodies, modes, strict=True)
     ]
 
+    def levels(orders: Index) -> list[int]:
+        more = int(max(orders, default=degrees[0])) - degrees[0]
+        return [degree + more for degree in degrees]
+
     def cost(orders: Index) -> tuple[int, int]:
-        points, factors = zip(*(reduction.cost(orders) for reduction in reductions), strict=True)
+        each = (reduction.cost(levels(orders), orders) for reduction in reductions)
+        points, factors = zip(*each, strict=True)
         return max(points), sum(factors)
 
     def computed(orders: Index) -> dict[str, AnyArray]:
-        more = int(max(orders, default=degrees[0])) - degrees[0]
-        levels = tuple(degree + more for degree in degrees)
         arrays: dict[str, AnyArray] = {}
-        advance = progress(ceil(cost(orders)[1] / comm.size))
+        given = levels(orders), orders
+        plans = [reduction.plan(*given) for reduction in reductions]
+        advance = progress(ceil(sum(plan.factors for plan in plans) / comm.size))
         # The largest body takes most memory: it comes before the values of others are there.
         for i in sorted(range(len(bodies)), key=lambda i: -bodies[i].dofs.size):
-            found = reductions[i].arrays(levels, orders, advance)
+            found = reductions[i].arrays(plans[i], *given, advance)
             arrays |= {f"{i}.{name}": a for name, a in found.items()}
         if comm.rank > 0:
             return {}

@@ -6,10 +6,11 @@ Leja points: as many as there are polynomials, chosen among Chebyshev points by 
 with pivoting, so that the first of them are good anchors of the lower degrees (Bos, De Marchi,
 Sommariva and Vianello, SIAM J. Numer. Anal. 48, 2010, doi:10.1137/090777372).
 
-Each coefficient D_n of a body is interpolated with a degree of its own. Those beyond the first are
-held in single precision: they are a hundredth of it and less. The error is estimated by the step
-from one degree lower, times what one degree more gains, and by the errors that were measured at two
-points between the anchors.
+Each coefficient D_n of a body is interpolated with a degree of its own: an anchor that is there for
+the first coefficients alone is factored at as many frequencies, the others being known there. Those
+beyond the first are held in single precision: they are a hundredth of it and less. The error is
+estimated by the step from one degree lower, times what one degree more gains, and by the errors
+that were measured at two points between the anchors.
 """
 
 from collections.abc import Callable, Sequence
@@ -130,6 +131,24 @@ def polynomial_levels(degrees: Sequence[int]) -> dict[tuple[int, ...], int]:
     return dict(sorted(out.items(), key=lambda item: (item[1], item[0])))
 
 
+def coefficient_counts(orders: Sequence[int], degrees: Sequence[int]) -> list[int]:
+    """How many coefficients are wanted at each anchor and check, see ``InterpolatedCoefficients``.
+
+    Args:
+        orders: degree of the interpolation of the first coefficient in each parameter.
+        degrees: level of the interpolation of each coefficient.
+    """
+    own, levels = _own_degrees(orders, degrees), polynomial_levels(orders).values()
+    checks = [len(own)] * (2 * bool(orders))
+    return [sum(level <= degree for degree in own) for level in levels] + checks
+
+
+def _own_degrees(orders: Sequence[int], degrees: Sequence[int]) -> list[int]:
+    """A body that has none of the parameters of the highest degree needs fewer levels."""
+    less = max(degrees) - max(orders, default=0)
+    return [max(0, n - less) for n in degrees]
+
+
 class Interpolation:
     """Polynomials through discrete Leja points of [-1, 1]^d.
 
@@ -245,15 +264,13 @@ class InterpolatedCoefficients:
                 ``Interpolation``. The first is the largest of ``orders``, if there are any.
             known: ``arrays`` of an earlier run; None where ``add`` will bring the values.
         """
-        dimension, highest = len(orders), max(orders, default=0)
-        # A body that has none of the parameters of the highest degree needs fewer levels.
-        self._degrees = [max(0, n - max(degrees) + highest) for n in degrees]
+        dimension = len(orders)
+        self._degrees = _own_degrees(orders, degrees)
         self._box = Interpolation(orders)
         self._ends = [self._box.count(degree) for degree in self._degrees]
         checks = self._box.checks if dimension else ()
         self.points: list[Array] = [*self._box.points, *checks]
-        self.counts = [sum(i < end for end in self._ends) for i in range(self._ends[0])]
-        self.counts += [len(self._degrees)] * len(checks)
+        self.counts = coefficient_counts(orders, degrees)
         self.order: list[int] = sorted(range(len(self.points)), key=lambda i: -self.counts[i])
         self._gain: Array = np.zeros(0)
         self._checks: list[Estimate] = []
@@ -280,6 +297,15 @@ class InterpolatedCoefficients:
                 self._changes[n][i - 1] = coefficient - self._centre[n]
         else:
             self._checked[i] = found
+
+    def beyond(self, i: int) -> list[Array]:
+        """Coefficients at point i beyond the first counts[i], of anchors that come before it."""
+        out, x = [], self.points[i]
+        for n in range(self.counts[i], len(self._degrees)):
+            weights = self._box.weights(x, self._degrees[n])[1 : self._ends[n]]
+            changed = np.tensordot(weights, self._changes[n], 1)
+            out.append(np.asarray(self._centre[n] + changed, float))
+        return out
 
     def arrays(self) -> dict[str, AnyArray]:
         """What was computed, to be kept in a file; once all points are there."""

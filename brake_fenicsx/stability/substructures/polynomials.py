@@ -50,19 +50,20 @@ STEPS, STILL = 40, 1e-6
 LEFT_STEPS = 16
 
 
-def real_points(count: int, eigenvalues: Array) -> Array:
+def real_points(count: int, eigenvalues: Array, end: float = 1.0) -> Array:
     """Chebyshev points in kappa, from ``FIRST`` on, and the end of the band after them.
 
     Args:
-        count: number of points but for the end, two at least.
+        count: number of points but for the end.
         eigenvalues: kappa of the body, shape (modes,).
+        end: of an interval in place of the band, in units of the band's end.
 
     Returns:
         Shape (count + 1,).
     """
     y = np.cos((2 * np.arange(count)[::-1] + 1) * np.pi / (2 * count))
-    points = 1.0 + (1.0 - FIRST) / (1 - y[0]) * (y - 1.0)
-    return np.r_[points[0], _away(np.r_[points[1:], 1.0], eigenvalues)]
+    points = end + (end - FIRST) / (1 - y[0]) * (y - 1.0)
+    return np.r_[points[0], _away(np.r_[points[1:], end], eigenvalues)]
 
 
 def imaginary_points(count: int, eigenvalues: Array) -> Complex:
@@ -161,6 +162,23 @@ class Polynomial:
             apart = np.hypot(np.maximum(far + SIGMA - w.real, 0.0), w.imag)
         nearer = (far - 1.0) / np.maximum(apart, NEAR)
         return np.asarray(np.maximum(within, size) * np.maximum(1.0, nearer))
+
+
+def lowest_coefficients(w: Array, values: Sequence[Array], beyond: Sequence[AnyArray]) -> Array:
+    """First coefficients of a polynomial whose others are known, from as many values.
+
+    Args:
+        w: where the values are, shape (count,).
+        values: shape (count, ...).
+        beyond: the coefficients after the first count.
+
+    Returns:
+        Shape (count, ...).
+    """
+    count, given = len(w), [*values]
+    for j, A in enumerate(beyond):
+        given = [v - x ** (count + j) * A for x, v in zip(w, given, strict=True)]
+    return np.tensordot(np.linalg.inv(np.vander(w, increasing=True)), given, 1)
 
 
 @dataclass(frozen=True, slots=True)

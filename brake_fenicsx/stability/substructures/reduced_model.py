@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index, Mask
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.processes import release_memory
 
@@ -30,6 +30,7 @@ from .parameters import CONSTANT, Parameters
 from .polynomials import Zeros, zeros
 from .sample import (
     FREE,
+    AtRest,
     BlockMatrix,
     Chosen,
     Corrected,
@@ -104,6 +105,7 @@ class ReducedModel:
         # Of constant materials, or a few of them, all samples share the compliance.
         self._rest: dict[bytes, tuple[Array, Array, Array]] = {}
         self.held: int = 1
+        self._resting: dict[Component, tuple[bytes, AtRest]] = {}
         self._kept: tuple[Array, BlockMatrix] | None = None
 
     @staticmethod
@@ -170,9 +172,19 @@ class ReducedModel:
             free, stiffness = self.flexibilities == 0, self.areas(p) * k0
             if len(self._rest) >= self.held:
                 self._rest.popitem()
-            given = self.blocks(x), free, stiffness, self.rows, self.omega
-            self._rest[key] = static_compliance(*given)
+            given = self._at_rest(x, free), free, stiffness, self.omega
+            self._rest[key] = static_compliance(self.bodies, *given)
         return self._rest[key]
+
+    def _at_rest(self, x: Array, free: Mask) -> list[AtRest]:
+        """The bodies at rest at a point of the box; each at its last point is kept."""
+        for body, view in zip(self.bodies, self.at(x), strict=True):
+            component = body.component
+            own = component.own(x).tobytes()
+            if self._resting.get(component, (None,))[0] != own:
+                part = AtRest.of(component, view, free[body.modes], self.rows)
+                self._resting[component] = own, part
+        return [self._resting[body.component][1] for body in self.bodies]
 
     def displacements(
         self,

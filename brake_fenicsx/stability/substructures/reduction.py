@@ -1,6 +1,6 @@
 """Offline stage of one substructure: kept modes, projected matrices, values at the anchors."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -12,7 +12,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from brake_fenicsx.arguments import AnyArray, Array, Index
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.folder.processes import in_turns
-from brake_fenicsx.macro.solver import blocks
+from brake_fenicsx.macro.solver import InterfaceFactor, blocks
 
 from ..eigensolvers.symmetric import (
     RealModes,
@@ -21,10 +21,10 @@ from ..eigensolvers.symmetric import (
     factor_near,
     modes_not_counted,
 )
-from .component import Complement, SeenBody, interface_at, matrices, near_modes
+from .component import Complement, Products, SeenBody, interface_at, matrices, near_modes
 from .contact_rows import SIGMA, Rows
-from .parameters import InterpolatedCoefficients, Parameters, polynomial_levels
-from .polynomials import Polynomial, imaginary_points, real_points
+from .parameters import InterpolatedCoefficients, Parameters, coefficient_counts
+from .polynomials import Polynomial, imaginary_points, lowest_coefficients, real_points
 from .sample_problem import ROUND_OFF
 from .substructure import Substructure
 
@@ -64,6 +64,25 @@ class KeptModes:
     reach: float
 
 
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Where a body is factored.
+
+    Attributes:
+        coefficients: interpolated over the box.
+        points: of the frequency, lambda in units of the band's end, at each point of the box:
+            number -> shape (factors,), in the order of the work.
+    """
+
+    coefficients: InterpolatedCoefficients
+    points: dict[int, AnyArray]
+
+    @property
+    def factors(self) -> int:
+        """Number of factorisations."""
+        return sum(len(points) for points in self.points.values())
+
+
 class Reduction:
     """The offline stage of one body."""
 
@@ -89,6 +108,7 @@ class Reduction:
             comm: processes that share the work.
         """
         self._body, self._W, self._kappa = body, modes.W, modes.kappa
+        self._grams = [self._W.T @ (A @ self._W) for A in (body.K, body.M, *body.changes.values())]
         self._rows, self._parameters = rows, parameters
         self._reach = modes.reach
         self._omega, self._comm = omega, comm
@@ -96,29 +116,59 @@ class Reduction:
         self._own = parameters.acting_on(list(body.changes), body.elements.size)
         self._shares = proportional(*self._matrices(np.zeros(parameters.dimension)))
         self._coupled = bool(body.changes) or self._shares is None
+        self._centre = body.mass(parameters.centre)
+        self._MW = self._centre @ modes.W if self._coupled else None
         # Of an undamped body the coefficients in powers of lambda are those in powers of kappa.
         count = terms // 2 if rows.damped else terms
-        kappa: Array = np.asarray(modes.kappa / omega**2, dtype=float)
-        self._real = real_points(count, kappa)
-        self._near = max(near_modes(kappa - point) for point in self._real)
-        points = imaginary_points(count, kappa) if rows.damped else self._real
+        self._scaled: Array = np.asarray(modes.kappa / omega**2, dtype=float)
+        self._real = real_points(count, self._scaled)
+        self._near = max(near_modes(self._scaled - point) for point in self._real)
+        points = imaginary_points(count, self._scaled) if rows.damped else self._real
         self._points = points
         self._polynomial = Polynomial(points, rows)
 
-    def cost(self, orders: Index) -> tuple[int, int]:
-        """Points of the box where the body is factored with some orders, and its factors."""
-        own = [int(n) for n in orders[self._own]]
-        points = len(polynomial_levels(own)) + 2 * bool(own)
-        return points, points * len(self._real if self._shares is not None else self._points)
+    def cost(self, degrees: Sequence[int], orders: Index) -> tuple[int, int]:
+        """Points of the box where the body is factored, and about its factors; as ``plan``."""
+        counts = coefficient_counts([int(n) for n in orders[self._own]], degrees)
+        return len(counts), sum(len(self._frequencies(count)) for count in counts)
 
-    def arrays(
-        self, degrees: tuple[int, ...], orders: Index, progress: Callable[[int], None]
-    ) -> dict[str, AnyArray]:
-        """What ``Component`` takes, on the first process alone, nothing on others; collective.
+    def plan(self, degrees: Sequence[int], orders: Index) -> Plan:
+        """Where the body is factored; collective.
+
+        The softest anchor, where the poles of what is left out are the nearest, has all points of
+        the frequency, so that it tells what the polynomials lack.
 
         Args:
             degrees: level of the interpolation of each coefficient, see ``Interpolation``.
             orders: degree of the first coefficient in each parameter, shape (d,).
+        """
+        placed = InterpolatedCoefficients([int(n) for n in orders[self._own]], degrees)
+        softest = self._comm.bcast(int(np.argmin([self._softness(x) for x in placed.points])))
+        counts = {i: placed.counts[i] if i != softest else len(degrees) for i in placed.order}
+        return Plan(placed, {i: self._frequencies(count) for i, count in counts.items()})
+
+    def _frequencies(self, count: int) -> AnyArray:
+        """Lambda, in units of the band's end, of the factors that give so many coefficients.
+
+        The first coefficients alone take as many points: the others are interpolated.
+        """
+        if self._shares is None:
+            return self._points
+        every, real = self._polynomial.count, self._real
+        if count < every and not self._rows.damped:
+            # Further on errors of the others would come into the first ones.
+            real = real_points(count, self._scaled, count / every)[:-1]
+        return np.sqrt(-real + 0j)
+
+    def arrays(
+        self, plan: Plan, degrees: Sequence[int], orders: Index, progress: Callable[[int], None]
+    ) -> dict[str, AnyArray]:
+        """What ``Component`` takes, on the first process alone, nothing on others; collective.
+
+        Args:
+            plan: where the body is factored.
+            degrees: as of the plan.
+            orders: likewise.
             progress: called with the number of factors that were made.
 
         Raises:
@@ -127,11 +177,11 @@ class Reduction:
         """
         body, W, comm = self._body, self._W, self._comm
         missing: Array = np.zeros(0)
-        largest, orders = 0.0, orders[self._own]
-        interpolated = InterpolatedCoefficients([int(n) for n in orders], degrees)
-        for i in interpolated.order:
-            values = self._values(interpolated.points[i], progress)
-            if comm.rank > 0:
+        largest, interpolated = 0.0, plan.coefficients
+        for i, values in self._values(plan, progress):
+            if not self._rows.damped and len(values) < self._polynomial.count:
+                w = SIGMA - np.real(plan.points[i] ** 2)
+                interpolated.add(i, lowest_coefficients(w, values, interpolated.beyond(i)))
                 continue
             coefficients = np.empty((self._polynomial.count, *values[-1].shape))
             # Some rows at a time: no second copy of all values.
@@ -152,7 +202,6 @@ class Reduction:
         held["D"] = held["D"].copy()  # or all coefficients would be held with it
         # Elsewhere in the box the polynomials may lack more.
         missing *= largest / max(float(np.linalg.norm(missing)), 1e-300)
-        modal = [W.T @ (A @ W) for A in (body.K, body.M, *body.changes.values())]
         damping = [] if body.C is None else [W.T @ (body.C @ W)]
         if body.ratios:
             # C = M W diag(2 zeta omega) W'M couples nothing with what the modes leave out.
@@ -163,40 +212,79 @@ class Reduction:
             "beyond": self._beyond, "coupled": np.array(self._coupled), "points": self._points,
             "missing": missing.astype(np.float32),
             "reach": np.array(self._reach),
-            "degrees": np.array(degrees), "orders": orders,
-            "modal": np.array(modal), "modal_C": np.array(damping),
+            "degrees": np.array(degrees), "orders": orders[self._own],
+            "modal": np.array(self._grams), "modal_C": np.array(damping),
         }  # fmt: skip
 
-    def _values(self, own: Array, progress: Callable[[int], None]) -> list[AnyArray]:
-        """Values at all points of the frequency at a point of the box, on the first process.
+    def _values(
+        self, plan: Plan, progress: Callable[[int], None]
+    ) -> Iterator[tuple[int, list[AnyArray]]]:
+        """Number of each point of the box, and values there, on the first process; collective.
 
-        Collective; the processes take the factors in turns.
+        The processes take the factors in turns.
         """
-        x = np.zeros(self._parameters.dimension)
-        x[self._own] = own
+        works = [(i, point) for i, points in plan.points.items() for point in points]
+        seen: dict[int, tuple[SeenBody, tuple[float, float] | None]] = {}
+
+        def work(n: int) -> tuple[AnyArray, tuple[float, float] | None]:
+            i, point = works[n]
+            if i not in seen:
+                # The matrices of one point of the box at a time.
+                factors = [f for body, _ in seen.values() for f in body.factors]
+                seen.clear()
+                seen[i] = self._seen(plan.coefficients.points[i], factors)
+            body, shares = seen[i]
+            found = body.at(point)
+            progress(1)
+            return found, shares
+
+        values: list[AnyArray] = []
+        try:
+            for n, (value, shares) in enumerate(in_turns(len(works), work, self._comm)):
+                i = works[n][0]
+                if self._comm.rank > 0:
+                    continue
+                values.append(value)
+                if len(values) < len(plan.points[i]):
+                    continue
+                if shares is not None and self._rows.damped:
+                    values = self._damped(values, shares[0] / self._omega, shares[1] * self._omega)
+                yield i, values
+                values = []
+        finally:
+            for body, _ in seen.values():
+                body.destroy()
+
+    def _seen(
+        self, own: Array, factors: list[InterfaceFactor]
+    ) -> tuple[SeenBody, tuple[float, float] | None]:
+        """The body at a point of the box, and its shares of damping by mass and stiffness."""
+        x = self._at(own)
         K, C, M = self._matrices(x)
         shares = proportional(K, C, M)
         interface = interface_at(self._body, self._parameters, x)
-        centre = self._body.mass(self._parameters.centre)
-        scaled: Array = np.asarray(self._kappa / self._omega**2, dtype=float)
-        kappa = None if self._coupled else scaled
-        given = interface, self._body.loads, self._rows, kappa, self._omega, self._near
-        body = SeenBody(K, C if shares is None else None, M, self._W, centre, *given)
-        points = self._points if shares is None else np.sqrt(-self._real + 0j)
+        kept = self._scaled if self._MW is None else Products(self._MW, *self._grams_at(x))
+        given = interface, self._body.loads, self._rows, kept, self._omega, self._near, factors
+        C = C if shares is None else None
+        return SeenBody(K, C, M, self._W, self._centre, *given), shares
 
-        def work(j: int) -> AnyArray:
-            found = body.at(points[j])
-            progress(1)
-            return found
+    def _at(self, own: Array) -> Array:
+        """A point of the box of all parameters, at the centre but for those of the body."""
+        x = np.zeros(self._parameters.dimension)
+        x[self._own] = own
+        return x
 
-        try:
-            found = in_turns(len(points), work, self._comm)
-            values = [value for value in found if self._comm.rank == 0]
-        finally:
-            body.destroy()
-        if shares is None or not (self._rows.damped and values):
-            return values
-        return self._damped(values, shares[0] / self._omega, shares[1] * self._omega)
+    def _softness(self, own: Array) -> float:
+        """Trace of the stiffness of the kept modes over that of their mass, at a point."""
+        K, M = (float(np.trace(gram)) for gram in self._grams_at(self._at(own)))
+        return K / M if M else 0.0
+
+    def _grams_at(self, x: Array) -> Array:
+        """W'K W and W'M W at a point of the box of all parameters, shape (2, modes, modes)."""
+        K, M, *changes = self._grams
+        c = self._parameters.coefficients(x)[[0, 2]][:, list(self._body.changes)]
+        changed = np.tensordot(c, np.reshape(changes, (c.shape[1], *K.shape)), 1)
+        return np.asarray(np.stack([K, M]) + changed, float)
 
     def _damped(self, values: list[Array], alpha: float, beta: float) -> list[AnyArray]:
         """Values at the points in lambda of a body with C = alpha M + beta K from those in kappa.

@@ -19,7 +19,7 @@ zeros that merge move by its root (Kato, Perturbation Theory for Linear Operator
 chapter II).
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -205,49 +205,97 @@ def _square(rows: Index, columns: Index) -> tuple[Any, Any]:
     return first, second
 
 
+@dataclass(frozen=True, slots=True)
+class AtRest:
+    """A body at rest, its elastic coordinates eliminated, in units of the band's end.
+
+    Attributes:
+        gaps: of its contact elements under normal forces and friction in them, and under loads,
+            shape (elements, 2 elements + loads).
+        motion: gaps of its free coordinates, shape (elements, free).
+        onto: forces on the free coordinates, shape (free, 2 elements + loads).
+        Z: stiffness of these, shape (free, free).
+    """
+
+    gaps: Array
+    motion: Array
+    onto: Array
+    Z: Array
+
+    @classmethod
+    def of(
+        cls, body: component.Component, view: component.AtPoint, free: Mask, rows: contact_rows.Rows
+    ) -> "AtRest":
+        """Take a body at a point of the box.
+
+        Args:
+            body: the body.
+            view: the body at this point.
+            free: its kept modes that move freely, shape (kept modes,).
+            rows: blocks of contact rows.
+        """
+        m, loads = body.body.elements.size, body.loads.T
+        f, g = len(rows.followed), len(rows.acting)
+        w = -rows.shift if rows.damped else contact_rows.SIGMA
+        own, D = (
+            np.asarray(sum(w**n * A for n, A in enumerate(X)), float) for X in (view.modal, view.D)
+        )
+        end = D.shape[1] - loads.shape[1]
+        forces = np.r_[: 2 * m, end : D.shape[1]]
+        seen, pushed = view.followed[:m], np.hstack([view.acting[: 2 * m].T, loads])
+        if body.coupled:
+            X = slice(g * m, end)
+            own, seen, pushed = own - D[f * m :, X], seen - D[:m, X], pushed - D[f * m :, forces]
+        held = np.linalg.solve(own[np.ix_(~free, ~free)], np.hstack([pushed, own[:, free]])[~free])
+        through, back = seen[:, ~free] @ held, own[np.ix_(free, ~free)] @ held
+        count = forces.size
+        return cls(
+            D[:m, forces] + through[:, :count], seen[:, free] - through[:, count:],
+            pushed[free] - back[:, :count], own[np.ix_(free, free)] - back[:, count:],
+        )  # fmt: skip
+
+
 def static_compliance(
-    b: BlockMatrix, free: Mask, stiffness: Array, rows: contact_rows.Rows, omega: float
-) -> tuple[Array, Array, Array]:
+    bodies: Sequence[component.Placed], parts: Sequence[AtRest], free: Mask, stiffness: Array,
+    omega: float,
+) -> tuple[Array, Array, Array]:  # fmt: skip
     """Static compliance: gaps and free coordinates; see ``macro.equilibrium.Compliance``.
 
     Args:
-        b: the bodies seen from all contact elements.
+        bodies: the bodies of the brake.
+        parts: each of them at rest.
         free: kept modes that move freely, shape (kept modes,).
         stiffness: typical one of the contact elements [N/m], shape (elements,): free coordinates
             are scaled so that the gaps, and forces of this stiffness, are about as large as theirs.
-        rows: blocks of contact rows.
         omega: end of the band [rad/s].
 
     Returns:
         Shapes (all, all), (all, elements) and (all, loads) [m/N], all: elements and coordinates.
     """
-    n = stiffness.size
-    A, lead, load = (_at_rest(X, rows) for X in (b.own, b.lead, b.load))
-    D, gaps, push = (_at_rest([Y[:n] for Y in X], rows) for X in (b.D, b.source, b.push))
-    NN, NT, NF = D[:, :n], D[:, n : 2 * n], -push
-    forces = np.hstack([lead[:, : 2 * n], load, A[:, free]])
-    held = np.linalg.solve(A[np.ix_(~free, ~free)], forces[~free])
-    through, onto = gaps[:, ~free] @ held, forces[free] - A[np.ix_(free, ~free)] @ held
-    ends = np.cumsum([n, n, load.shape[1]])
-    (NN_, NT_, NF_, motion), (normal, slip, loads, Z) = (
-        np.hsplit(X, ends) for X in (through, onto)
-    )
-    NN, NT, NF, motion = NN + NN_, NT + NT_, NF + NF_, gaps[:, free] - motion
+    n, count = stiffness.size, int(free.sum())
+    loads = bodies[0].component.loads.shape[0]
+    NN, NT, NF = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, loads))
+    motion, Z = np.zeros((n, count)), np.zeros((count, count))
+    normal, slip, pushed = np.zeros((count, n)), np.zeros((count, n)), np.zeros((count, loads))
+    first = 0
+    for body, part in zip(bodies, parts, strict=True):
+        e, m = body.elements, body.elements.size
+        own = slice(first, first + len(part.Z))
+        first, square = own.stop, _square(e, e)
+        NN[square] += part.gaps[:, :m]
+        NT[square] += part.gaps[:, m : 2 * m]
+        NF[e] += part.gaps[:, 2 * m :]
+        motion[e, own], Z[own, own] = part.motion, part.Z
+        normal[own, e], slip[own, e], pushed[own] = np.split(part.onto, [m, 2 * m], axis=1)
     column = 1 / np.maximum(np.abs(motion).max(axis=0, initial=0.0), 1e-300)
     row = 1 / np.maximum(np.abs(normal) @ stiffness, 1e-300)[:, None]
     scale = 1 / omega**2
-    corner = row * (omega**2 * Z) * column - np.eye(free.sum())
+    corner = row * (omega**2 * Z) * column - np.eye(count)
     return (
         np.block([[0.5 * scale * (NN + NN.T), -motion * column], [row * normal, corner]]),
         np.vstack([scale * NT, row * slip]),
-        np.vstack([scale * NF, row * loads]),
+        np.vstack([scale * NF, row * pushed]),
     )
-
-
-def _at_rest(A: Iterable[AnyArray], rows: contact_rows.Rows) -> Array:
-    """A polynomial in w at lambda = 0."""
-    w = -rows.shift if rows.damped else contact_rows.SIGMA
-    return np.asarray(sum(w**n * B for n, B in enumerate(A)), float)
 
 
 class Sample(sample_problem.SampleProblem):
