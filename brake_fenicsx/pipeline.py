@@ -367,33 +367,37 @@ def draw_beside(this: Run, study: Study, first: First) -> None:
     """Samples of the verification, and beside them the pictures and figures of the page."""
     from brake_fenicsx.results.output import verification
 
-    works: list[Callable[[], tuple[Any, list[str]]]] = []
-    if "report" in this.scene.stages:
-        from brake_fenicsx.report.mode_fields import prepare_shapes, write_shapes
+    if "report" not in this.scene.stages:
+        study.verified_beside(())
+        this.facts["verification"] = processes.on_first(lambda: verification(study), this.comm)
+        return
+    from brake_fenicsx.report.mode_cards import ModeShape
+    from brake_fenicsx.report.mode_fields import contact_faces, prepare_shapes, write_shapes
 
-        shapes = prepare_shapes(study, first, this.pictures)
-        this.warn(shapes.lost)
-        works += shapes.works
-        if this.pictures:
-            works.append(
-                lambda: spared("picture of the mesh", lambda: draw_mesh(this, study.brake))
-            )
-        if this.comm.rank == 0:
-            this.write_summary()  # which the figures read
-        this.comm.Barrier()
-        if this.comm.rank == 0:
+    faces, lost = contact_faces(study), list[str]()
+    if this.comm.rank == 0:
+        this.write_summary()  # which pages and figures read
+    this.comm.Barrier()
+
+    def shapes(comm: MPI.Comm) -> list[Callable[[], tuple[Any, list[str]]]]:
+        """First page, fields and shapes of modes, and the works that draw."""
+        found = prepare_shapes(study, first, faces, this.pictures, comm)
+        lost.extend(found.lost)
+        if comm.rank == 0:
             # Verification and pictures take longer than all samples do: nobody waits for them.
-            this.warn(spared("first page", lambda: _first_page(this))[1])
-        # Read again after the maps of the contact are made, which figures show.
-        read = cache(lambda: read_run(this.store.directory))
-        figures = this.pictures, this.scene.own.figures
-        works += figure_works(this.store.directory, read, *figures)
-    made = study.verified_beside(works)
+            lost.extend(spared("first page", lambda: _first_page(this))[1])
+        mesh = partial(spared, "picture of the mesh", partial(draw_mesh, this, study.brake))
+        return [*found.works, *([mesh] if this.pictures else [])]
+
+    read = cache(lambda: read_run(this.store.directory))
+    works = figure_works(this.store.directory, read, this.pictures, this.scene.own.figures)
+    made = study.verified_beside(works, shapes)
+    this.warn(lost)
     if study.verify:
         this.facts["verification"] = processes.on_first(lambda: verification(study), this.comm)
-    this.warn([text for _, lost in made for text in lost])
-    if "report" in this.scene.stages and this.comm.rank == 0:
-        write_shapes(study, [row for row, _ in made[: len(shapes.works)] if row is not None])
+    this.warn([text for _, missing in made for text in missing])
+    if this.comm.rank == 0:
+        write_shapes(study, [row for row, _ in made if isinstance(row, ModeShape)])
 
 
 def _first_page(this: Run) -> None:

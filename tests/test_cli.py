@@ -330,9 +330,13 @@ def test_no_pictures(tmp_path, capsys, monkeypatch):
     """
     begun, beside = list[str](), Study.verified_beside
 
-    def noted(self, works):
-        begun.append((tmp_path / "a" / "report.html").read_text())
-        return beside(self, works)
+    def noted(self, works, together):
+        def first(comm):
+            more = together(comm)
+            begun.append((tmp_path / "a" / "report.html").read_text())
+            return more
+
+        return beside(self, works, first)
 
     monkeypatch.setattr(Study, "verified_beside", noted)
     few = ["--set", "parts.block.size='14 mm'", "--set", "parts.plate.size='20 mm'"]

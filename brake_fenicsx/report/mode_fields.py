@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 from scipy.spatial import KDTree
 
@@ -107,9 +109,10 @@ class ShapeWorks:
 
 
 def prepare_shapes(
-    study: Study, first: Mapping[Task, Mapping[str, Any]], pictures: bool = True
-) -> ShapeWorks:
-    """Write the fields of the equilibria and contact_faces.npz, and find shapes; collective.
+    study: Study, first: Mapping[Task, Mapping[str, Any]], faces: dict[str, AnyArray],
+    pictures: bool, comm: MPI.Comm,
+) -> ShapeWorks:  # fmt: skip
+    """Write the fields of the equilibria, and find shapes; collective.
 
     Equilibrium and contact are those of the first sample of each approach; modes are of its most
     severe families, of each the squeal mode of median damping.
@@ -117,12 +120,14 @@ def prepare_shapes(
     Args:
         study: the study.
         first: what was stored of the first good sample of each approach.
+        faces: see ``contact_faces``.
         pictures: False leaves the fields and the nodal diameters alone to the works.
+        comm: processes that share the work, the first of the study among them.
 
     Returns:
         The works that write fields/modes_*, fields/phase_* and figures/mode_*.
     """
-    store, comm = study.store, study.comm
+    store = study.store
     if comm.rank == 0:
         shutil.rmtree(store.path("fields"), ignore_errors=True)
         for name in ("fields", "figures"):
@@ -130,8 +135,7 @@ def prepare_shapes(
         for old in (*store.path("figures").glob("mode_*.*"), store.path("figures", "mesh.png")):
             old.unlink(missing_ok=True)
     comm.Barrier()
-    faces = contact_faces(study)
-    run, drawn = _severe(study)
+    run, drawn = _severe(study, comm)
     rest, known = _resting(study, first), dict[Task, Array]()
 
     fields = partial(_write_equilibria, study, first, faces, known)
@@ -228,7 +232,7 @@ def _write_equilibria(
             write_facets(folder / f"pressure_{name}.vtkhdf", corners[held], means)
 
 
-def _severe(study: Study) -> tuple[RunData, list[list[squeal.ModeKey]]]:
+def _severe(study: Study, comm: MPI.Comm) -> tuple[RunData, list[list[squeal.ModeKey]]]:
     """What is known of the study, and the modes drawn of each approach that squeals; collective."""
     folder, settings = study.store.directory, {"in_effect": in_effect(study.scene)}
 
@@ -237,7 +241,7 @@ def _severe(study: Study) -> tuple[RunData, list[list[squeal.ModeKey]]]:
         keys = (run.squeal.representatives(name, MOST) for name in run.approaches)
         return [chosen for chosen in keys if chosen]
 
-    return RunData(folder, summary=settings), on_first(severe, study.comm)
+    return RunData(folder, summary=settings), on_first(severe, comm)
 
 
 def _seen(study: Study, pictures: bool) -> render.Shapes | None:

@@ -2,6 +2,7 @@
 
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from functools import partial
 from typing import Any, TypeVar
 
@@ -36,6 +37,7 @@ def run_ensemble(
     what: str = "samples",
     paired: bool = False,
     beside: Sequence[Callable[[], T]] = (),
+    together: Callable[[MPI.Comm], Sequence[Callable[[], T]]] | None = None,
 ) -> list[T]:
     """Run all samples that are not in the folder yet, or those of the run's share.
 
@@ -53,9 +55,11 @@ def run_ensemble(
         paired: whether two processes may share a long sample, where there are more processes than
             such samples, and not so many others that all are busy anyway.
         beside: other work, which fills the time of processes that have no sample left.
+        together: called before that by all processes but the last, which begin with a long sample
+            each; gives more work, for the processes that called it. Is given their communicator.
 
     Returns:
-        What came of the work beside, in its order, on every process.
+        What came of the work, first of ``together``, then beside, in its order, on every process.
     """
     if store.share is not None:
         large, tasks = store.share.part(large), store.share.part(tasks)
@@ -63,9 +67,10 @@ def run_ensemble(
     done = len(large) + len(tasks) - len(wanted)
     if comm.rank == 0 and done:
         logger.info("%d of %d %s were there already", done, len(large) + len(tasks), what)
-    if not wanted and not beside:
+    if not wanted and not beside and together is None:
         return []
-    return _run(wanted, work, store, comm, len(set(large) & set(wanted)), what, paired, beside)
+    given = len(set(large) & set(wanted)), what, paired, beside, together
+    return _run(wanted, work, store, comm, *given)
 
 
 def _missing(tasks: Sequence[Task], store: Store, comm: MPI.Comm) -> list[Task]:
@@ -87,6 +92,7 @@ def _run(
     what: str,
     paired: bool,
     beside: Sequence[Callable[[], T]],
+    together: Callable[[MPI.Comm], Sequence[Callable[[], T]]] | None,
 ) -> list[T]:
     """Compute the samples, each on the process that takes it next; large ones come first.
 
@@ -99,13 +105,22 @@ def _run(
         logger.info("%s: the first %d of %d may take longer", what, large, count)
     left_over = large % comm.size
     paired = paired and len(wanted) - large < AS_LONG * (comm.size - left_over)
-    shared = min(left_over, comm.size // 2) if paired else 0
-    first, wanted, pair = wanted[:shared], wanted[shared:], comm.rank // 2
+    shared = min(left_over, (comm.size - (together is not None)) // 2) if paired else 0
+    # The last processes begin with a long sample: the first one has the log.
+    last = comm.size - 1 - comm.rank
+    first, wanted, pair = wanted[:shared], wanted[shared:], last // 2
+    busy = 2 * shared + min(large - shared, comm.size - 1 - 2 * shared)
     defect: Any = None
-    made: dict[int, T] = {}
-    with _Counter(comm) as counter, finishing():
+    made: dict[tuple[bool, int], T] = {}
+    with _Counter(comm) as counter, finishing(), ExitStack() as own:
         two = comm.Split(min(pair, shared), comm.rank) if shared else MPI.COMM_NULL
+        team = comm.Split(int(last < busy), comm.rank) if together else MPI.COMM_NULL
         try:
+            if together is not None and last >= busy:
+                of_team = own.enter_context(_Counter(team))
+                more = together(team)
+                while (i := of_team.next()) < len(more):
+                    made[False, i] = more[i]()
             if pair < shared:
                 compute_sample(first[pair], partial(work, comm=two), store, two.rank == 0)
                 progress.advance(shared)
@@ -113,7 +128,7 @@ def _run(
                 if i < len(wanted):
                     compute_sample(wanted[i], work, store)
                 else:
-                    made[i] = beside[i - len(wanted)]()
+                    made[True, i] = beside[i - len(wanted)]()
                 progress.advance(shared + i + 1 - progress.done)
         except BrakeError as error:
             defect = error
@@ -125,7 +140,7 @@ def _run(
         raise defects[0]
     if stopped is not None:
         raise stopped
-    every = {i: one for own in comm.allgather(made) for i, one in own.items()}
+    every = {i: one for part in comm.allgather(made) for i, one in part.items()}
     return [every[i] for i in sorted(every)]
 
 

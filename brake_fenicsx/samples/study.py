@@ -24,7 +24,6 @@ from brake_fenicsx.macro.contact_forces import EnrichedGap
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
-from brake_fenicsx.stability.full.friction_modes import SIDE_BY_SIDE
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures.parameter_line import Basis
 
@@ -36,8 +35,7 @@ T = TypeVar("T")
 
 VERIFY = "verify"
 # [dofs] below which two processes may share a sample at full order: each holds a factor, and the
-# vectors that they exchange are a message of less than 2 GB. Beside pictures, a sample of a small
-# brake is that of one process: shared, it is ready as soon, but takes half a GB more.
+# vectors that they exchange are a message of less than 2 GB.
 LARGEST = 500_000
 
 
@@ -142,20 +140,24 @@ class Study(OfOneProcess):
         """Whether two processes may share a sample: an equilibrium alone is no work for them."""
         return self.models.stability is not None and self.brake.K.shape[0] < LARGEST
 
-    def verified_beside(self, works: Sequence[Callable[[], T]]) -> list[T]:
+    def verified_beside(
+        self,
+        works: Sequence[Callable[[], T]],
+        together: Callable[[MPI.Comm], Sequence[Callable[[], T]]] | None = None,
+    ) -> list[T]:
         """Solve the samples of the verification at full order; other work fills the time.
 
         Args:
             works: what processes without such a sample do: no part of the results depends on it.
+            together: what they do before, see ``run_ensemble``.
 
         Returns:
             What came of each work, on every process.
         """
         parts = ("samples at full order", self.verify), ("pictures and figures", works)
         what = ", ".join(name for name, there in parts if there)
-        paired = self._paired and not (works and self.brake.K.shape[0] < SIDE_BY_SIDE)
-        files = self.store, self.comm
-        return ensemble.run_ensemble((), self.work, *files, self.verify, what, paired, works)
+        given = self.verify, what, self._paired, works, together
+        return ensemble.run_ensemble((), self.work, self.store, self.comm, *given)
 
     def work(self, task: Task, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, Any]:
         """Equilibrium and modes of one sample, as arrays to store.

@@ -112,6 +112,31 @@ def test_a_long_sample_is_not_shared_where_others_keep_all_busy(store, monkeypat
     assert sizes == [1] * len(sizes)
 
 
+@pytest.mark.parametrize("paired", [False, True])
+def test_work_together_beside_a_long_sample(store, paired):
+    """The last process begins with the sample, the others with what they do together."""
+    began = []
+
+    def work(task, comm=MPI.COMM_SELF):
+        began.append((task, comm.size))
+        return {"x": np.array(COMM.rank)}
+
+    def together(team):
+        assert team.allreduce(1) == team.size
+        began.append(("together", team.size))
+        return [lambda i=i: ("team", i) for i in range(3)]
+
+    works = [lambda i=i: ("beside", i) for i in range(2)]
+    made = run_ensemble((), work, store, COMM, [("classical", 0)], "", paired, works, together)
+    assert made == [*(("team", i) for i in range(3)), *(("beside", i) for i in range(2))]
+    shared = 2 if paired and COMM.size > 2 else 1
+    team = max(COMM.size - shared, 1)
+    begun = [one for part in COMM.allgather(began) for one in part]
+    assert begun.count(("together", team)) == team
+    assert begun.count((("classical", 0), shared)) == shared
+    assert int(value(store, ("classical", 0))["x"]) == COMM.size - shared
+
+
 def test_the_first_process_does_other_work_meanwhile():
     """It takes no turn where there are others, and what it raises reaches all at the end."""
     began = []
