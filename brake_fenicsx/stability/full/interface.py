@@ -193,7 +193,8 @@ def _of_columns(
     SL: Array | None,
 ) -> tuple[Array, Array]:
     """Columns of RL and of LL, not made symmetric; S^-1 left' goes to SL."""
-    left, mass = friction.left.T.tocsc()[:, columns], BlockProduct(M)
+    left = friction.left.T.tocsc()[:, columns]
+    mass, seen, met = (BlockProduct(A) for A in (M, friction.right, friction.left))
     kept = None if SL is None else SL[:, columns]
     MPhi = mass(Phi)
     shape = friction.rank, left.shape[1]
@@ -206,9 +207,9 @@ def _of_columns(
             if j > 0 and Phi.size:
                 X -= combined(Phi, shares(MPhi, X))
             X = X if j == 0 else factor.solve(mass(X))
-            RL[j][:, b] = friction.right @ X
+            RL[j][:, b] = seen(X)
             if j == min(orders, POWER_LL) - 1:
-                LL[:, b] = friction.left @ X
+                LL[:, b] = met(X)
     return RL, LL
 
 
