@@ -100,7 +100,6 @@ def _run(
     by two processes, unless the other samples keep all processes busy.
     """
     count = len(wanted) + len(beside)
-    progress = Progress(what, large, count - large, processes=comm.size)
     if 0 < large < count:
         logger.info("%s: the first %d of %d may take longer", what, large, count)
     left_over = large % comm.size
@@ -121,6 +120,7 @@ def _run(
                 more = together(team)
                 while (i := of_team.next()) < len(more):
                     made[False, i] = more[i]()
+            progress = Progress(what, large, count - large, processes=comm.size)
             if pair < shared:
                 compute_sample(first[pair], partial(work, comm=two), store, two.rank == 0)
                 progress.advance(shared)

@@ -174,6 +174,8 @@ class ReducedModel:
                 self._rest.popitem()
             given = self._at_rest(x, free), free, stiffness, self.omega
             self._rest[key] = static_compliance(self.bodies, *given)
+            if not self.parameters.dimension:
+                self._resting.clear()
         return self._rest[key]
 
     def _at_rest(self, x: Array, free: Mask) -> list[AtRest]:
