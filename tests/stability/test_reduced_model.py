@@ -11,6 +11,7 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
+import reduced_samples
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.contact_forces import Rotation
@@ -548,26 +549,47 @@ def test_first_coefficients_where_the_others_are_interpolated():
     for i in moments.order:
         w = np.linspace(0.05, 1.0, moments.counts[i])
         values = [np.tensordot(x ** np.arange(3), exact(moments.points[i]), 1) for x in w]
-        found = lowest_coefficients(w, values, moments.beyond(i))
+        found = lowest_coefficients(w, values, moments.beyond(i), len(w))
         # What is known is held in single precision.
         np.testing.assert_allclose(found, exact(moments.points[i])[: len(w)], atol=2e-5)
         moments.add(i, found)
     assert {moments.counts[i] for i in moments.order} == {1, 2, 3}
 
 
-def test_anchors_have_as_many_points_as_coefficients(two_blocks, monkeypatch):
-    """All of them where checks are made, at the centre and where the body is softest."""
+@pytest.mark.parametrize("case", ["undamped", "rayleigh", "layers"])
+def test_anchors_have_as_many_points_as_coefficients(two_blocks, monkeypatch, case):
+    """All of them where checks are made, at the centre and where the body is softest.
+
+    Of a damped body all but the first value are complex, and count twice.
+    """
     plans, totals, done, plan = [], [], [], Reduction.plan
     monkeypatch.setattr(Reduction, "plan", lambda *given: plans.append(plan(*given)) or plans[-1])
     scene = two_blocks("coarse")
-    bodies = substructures(scene, "undamped", changing=True)
-    given = bodies, scene.w, BAND, box(scene, "undamped")
+    given = substructures(scene, case, changing=True), scene.w, BAND, box(scene, case)
     reduce_bodies(*given, progress=lambda total: totals.append(total) or done.append)
     assert sum(done) == sum(totals) == sum(one.factors for one in plans)
     pad = max(plans, key=lambda one: one.factors)
     counts, every = pad.coefficients.counts, len(pad.points[0])
     softest = int(np.argmax([np.sum(x) for x in pad.coefficients.points]))
     whole = {i for i, points in pad.points.items() if len(points) == every}
-    assert whole == {softest} | {i for i, count in enumerate(counts) if count == every - 1}
-    assert all(len(pad.points[i]) == counts[i] for i in pad.points.keys() - whole)
+    assert whole == {softest} | {i for i, count in enumerate(counts) if count == max(counts)}
+    assert pad.few == pad.points.keys() - whole
+    needed = [count if case == "undamped" else 1 + count // 2 for count in counts]
+    assert all(len(pad.points[i]) == needed[i] for i in pad.few)
     assert pad.factors < 0.75 * every * len(pad.points)
+
+
+def test_damping_in_proportion_at_the_centre_alone(two_blocks, monkeypatch):
+    """Elsewhere in the box the damping follows a modulus threefold: complex factors there."""
+    scene = two_blocks("coarse")
+    C, shares = reduced_samples.damping(scene, "rayleigh")
+    monkeypatch.setattr(reduced_samples, "damping", lambda *_: (C, 3 * shares))
+    plans, plan = [], Reduction.plan
+    monkeypatch.setattr(Reduction, "plan", lambda *given: plans.append(plan(*given)) or plans[-1])
+    given = substructures(scene, "rayleigh", True), scene.w, BAND, box(scene, "rayleigh")
+    model = reduce_bodies(*given)
+    centre, *others = max(plans, key=lambda one: one.factors).shares
+    assert centre is not None and others == [None] * len(others)
+    for x in ((0.8, -0.9), (-1.0, -1.0)):
+        sample = Sample(scene, "rayleigh", x, 0.4, seed=2)
+        assert sample.agrees(sample.modes(model)) < 1e-5

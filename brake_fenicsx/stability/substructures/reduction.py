@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from brake_fenicsx.arguments import AnyArray, Array, Index
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import InterfaceFactor, blocks
@@ -72,10 +72,14 @@ class Plan:
         coefficients: interpolated over the box.
         points: of the frequency, lambda in units of the band's end, at each point of the box:
             number -> shape (factors,), in the order of the work.
+        shares: alpha and beta of its damping there, see ``proportional``.
+        few: numbers of those that are there for their first coefficients alone.
     """
 
     coefficients: InterpolatedCoefficients
     points: dict[int, AnyArray]
+    shares: list[tuple[float, float] | None]
+    few: set[int]
 
     @property
     def factors(self) -> int:
@@ -114,8 +118,8 @@ class Reduction:
         self._omega, self._comm = omega, comm
         self._beyond = body.damping_beyond(modes.cutoff * omega)
         self._own = parameters.acting_on(list(body.changes), body.elements.size)
-        self._shares = proportional(*self._matrices(np.zeros(parameters.dimension)))
-        self._coupled = bool(body.changes) or self._shares is None
+        self._centre_shares = self._shares(np.zeros(self._own.size))
+        self._coupled = bool(body.changes) or self._centre_shares is None
         self._centre = body.mass(parameters.centre)
         self._MW = self._centre @ modes.W if self._coupled else None
         # Of an undamped body the coefficients in powers of lambda are those in powers of kappa.
@@ -130,7 +134,7 @@ class Reduction:
     def cost(self, degrees: Sequence[int], orders: Index) -> tuple[int, int]:
         """Points of the box where the body is factored, and about its factors; as ``plan``."""
         counts = coefficient_counts([int(n) for n in orders[self._own]], degrees)
-        return len(counts), sum(len(self._frequencies(count)) for count in counts)
+        return len(counts), sum(len(self._frequencies(n, self._centre_shares)) for n in counts)
 
     def plan(self, degrees: Sequence[int], orders: Index) -> Plan:
         """Where the body is factored; collective.
@@ -144,21 +148,36 @@ class Reduction:
         """
         placed = InterpolatedCoefficients([int(n) for n in orders[self._own]], degrees)
         softest = self._comm.bcast(int(np.argmin([self._softness(x) for x in placed.points])))
+        shares = [
+            *in_turns(len(placed.points), lambda i: self._shares(placed.points[i]), self._comm)
+        ]
         counts = {i: placed.counts[i] if i != softest else len(degrees) for i in placed.order}
-        return Plan(placed, {i: self._frequencies(count) for i, count in counts.items()})
+        points = {i: self._frequencies(n, shares[i]) for i, n in counts.items()}
+        whole = [len(self._frequencies(len(degrees), own)) for own in shares]
+        return Plan(placed, points, shares, {i for i in points if len(points[i]) < whole[i]})
 
-    def _frequencies(self, count: int) -> AnyArray:
+    def _shares(self, own: Array) -> tuple[float, float] | None:
+        """Alpha and beta of the damping at a point of the box, see ``proportional``."""
+        if not self._rows.damped:
+            return 0.0, 0.0
+        return proportional(*self._matrices(self._at(own)))
+
+    def _frequencies(self, count: int, shares: tuple[float, float] | None) -> AnyArray:
         """Lambda, in units of the band's end, of the factors that give so many coefficients.
 
-        The first coefficients alone take as many points: the others are interpolated.
+        The first coefficients alone take as many values, of which a complex one counts twice: the
+        others are interpolated. Further on their errors would come into the first ones.
         """
-        if self._shares is None:
-            return self._points
-        every, real = self._polynomial.count, self._real
-        if count < every and not self._rows.damped:
-            # Further on errors of the others would come into the first ones.
-            real = real_points(count, self._scaled, count / every)[:-1]
-        return np.sqrt(-real + 0j)
+        every, damped = self._polynomial.count, self._rows.damped
+        whole = self._points if shares is None else np.sqrt(-self._real + 0j)
+        if count >= every:
+            return whole
+        end, more = count / every, count // 2 if damped else count - 1
+        if shares is None:
+            return imaginary_points(more, self._scaled, end)[:-1]
+        few = np.sqrt(-real_points(more + 1, self._scaled, end ** (1 + damped))[:-1] + 0j)
+        # Of a body that is damped too strongly to turn a value is real.
+        return few if np.all(self._lambda(few[1:], shares).imag > 0) else whole
 
     def arrays(
         self, plan: Plan, degrees: Sequence[int], orders: Index, progress: Callable[[int], None]
@@ -179,9 +198,9 @@ class Reduction:
         missing: Array = np.zeros(0)
         largest, interpolated = 0.0, plan.coefficients
         for i, values in self._values(plan, progress):
-            if not self._rows.damped and len(values) < self._polynomial.count:
-                w = SIGMA - np.real(plan.points[i] ** 2)
-                interpolated.add(i, lowest_coefficients(w, values, interpolated.beyond(i)))
+            if i in plan.few:
+                given = values, interpolated.beyond(i), interpolated.counts[i]
+                interpolated.add(i, lowest_coefficients(self._variable(plan, i), *given))
                 continue
             coefficients = np.empty((self._polynomial.count, *values[-1].shape))
             # Some rows at a time: no second copy of all values.
@@ -224,49 +243,45 @@ class Reduction:
         The processes take the factors in turns.
         """
         works = [(i, point) for i, points in plan.points.items() for point in points]
-        seen: dict[int, tuple[SeenBody, tuple[float, float] | None]] = {}
+        seen: dict[int, SeenBody] = {}
 
-        def work(n: int) -> tuple[AnyArray, tuple[float, float] | None]:
+        def work(n: int) -> AnyArray:
             i, point = works[n]
             if i not in seen:
                 # The matrices of one point of the box at a time.
-                factors = [f for body, _ in seen.values() for f in body.factors]
+                factors = [f for body in seen.values() for f in body.factors]
                 seen.clear()
-                seen[i] = self._seen(plan.coefficients.points[i], factors)
-            body, shares = seen[i]
-            found = body.at(point)
+                seen[i] = self._seen(plan.coefficients.points[i], plan.shares[i], factors)
+            found = seen[i].at(point)
             progress(1)
-            return found, shares
+            return found
 
         values: list[AnyArray] = []
         try:
-            for n, (value, shares) in enumerate(in_turns(len(works), work, self._comm)):
+            for n, value in enumerate(in_turns(len(works), work, self._comm)):
                 i = works[n][0]
                 if self._comm.rank > 0:
                     continue
                 values.append(value)
                 if len(values) < len(plan.points[i]):
                     continue
-                if shares is not None and self._rows.damped:
-                    values = self._damped(values, shares[0] / self._omega, shares[1] * self._omega)
-                yield i, values
+                yield i, self._damped(values, plan, i)
                 values = []
         finally:
-            for body, _ in seen.values():
+            for body in seen.values():
                 body.destroy()
 
     def _seen(
-        self, own: Array, factors: list[InterfaceFactor]
-    ) -> tuple[SeenBody, tuple[float, float] | None]:
-        """The body at a point of the box, and its shares of damping by mass and stiffness."""
+        self, own: Array, shares: tuple[float, float] | None, factors: list[InterfaceFactor]
+    ) -> SeenBody:
+        """The body at a point of the box."""
         x = self._at(own)
         K, C, M = self._matrices(x)
-        shares = proportional(K, C, M)
         interface = interface_at(self._body, self._parameters, x)
         kept = self._scaled if self._MW is None else Products(self._MW, *self._grams_at(x))
         given = interface, self._body.loads, self._rows, kept, self._omega, self._near, factors
         C = C if shares is None else None
-        return SeenBody(K, C, M, self._W, self._centre, *given), shares
+        return SeenBody(K, C, M, self._W, self._centre, *given)
 
     def _at(self, own: Array) -> Array:
         """A point of the box of all parameters, at the centre but for those of the body."""
@@ -286,17 +301,23 @@ class Reduction:
         changed = np.tensordot(c, np.reshape(changes, (c.shape[1], *K.shape)), 1)
         return np.asarray(np.stack([K, M]) + changed, float)
 
-    def _damped(self, values: list[Array], alpha: float, beta: float) -> list[AnyArray]:
-        """Values at the points in lambda of a body with C = alpha M + beta K from those in kappa.
+    def _damped(self, values: list[AnyArray], plan: Plan, i: int) -> list[AnyArray]:
+        """Values in lambda of a body with C = alpha M + beta K from those in kappa.
 
         All in units of the band's end.
 
-        P(lambda) = (1 + beta lambda) (K - kappa M) at a complex kappa.
+        P(lambda) = (1 + beta lambda) (K - kappa M) at a complex kappa. First coefficients alone are
+        known from values at those lambda whose kappa is real.
         """
+        shares = plan.shares[i]
+        if shares is None or not self._rows.damped:
+            return values
+        alpha, beta = shares[0] / self._omega, shares[1] * self._omega
         out, f = [], self._body.elements.size * len(self._rows.followed)
         g = self._body.elements.size * len(self._rows.acting)
         X = slice(g, g + self._W.shape[1] * self._coupled)
-        for n, s in enumerate(self._points):
+        few = i in plan.few
+        for n, s in enumerate(self._lambda(plan.points[i], shares) if few else self._points):
             s = s if s.imag else s.real
             factor = 1 + beta * s
             kappa = -(s**2 + alpha * s) / factor
@@ -305,12 +326,26 @@ class Reduction:
             powers = np.vander(nodes, increasing=True), kappa ** np.arange(nodes.size)
             weights = np.linalg.solve(powers[0].T, powers[1])
             value = sum(w * A for w, A in zip(weights, values, strict=False))
+            value = values[n] + 0 * s if few else value
             value = value if np.imag(s) else value.real
             value[:f] /= factor
             value[:f, X] *= factor
             value[f:, X] *= factor
             out.append(value)
         return out
+
+    def _lambda(self, points: Complex, shares: tuple[float, float]) -> Complex:
+        """Lambda of damped bodies whose kappa are those of undamped ones at some points."""
+        kappa = -np.real(points**2)
+        half = 0.5 * (shares[0] / self._omega + shares[1] * self._omega * kappa)
+        return np.asarray(np.sqrt(half**2 - kappa + 0j) - half)
+
+    def _variable(self, plan: Plan, i: int) -> AnyArray:
+        """The variable w at the points of the frequency of an anchor."""
+        points, shares = plan.points[i], plan.shares[i]
+        if not self._rows.damped:
+            return np.asarray(SIGMA - np.real(points**2))
+        return (points if shares is None else self._lambda(points, shares)) - self._rows.shift
 
     def _matrices(self, x: Array) -> tuple[sp.csr_matrix, sp.csr_matrix | None, sp.csr_matrix]:
         """K, C and M at a point of the box of all parameters."""
