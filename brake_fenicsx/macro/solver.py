@@ -77,6 +77,7 @@ class Factor(OfOneProcess):
         negative_pivots: number of negative eigenvalues of a symmetric A, by Sylvester's law of
             inertia.
         gigabytes: memory of the factor [GB].
+        symmetric: whether A is symmetric.
     """
 
     def __init__(
@@ -96,7 +97,8 @@ class Factor(OfOneProcess):
         """
         start = time.perf_counter()
         self._A = A = A if isinstance(A, PETSc.Mat) else petsc_matrix(A, symmetric)
-        self._symmetric, self._ksp = symmetric, PETSc.KSP().create(PETSc.COMM_SELF)
+        self.symmetric: bool = symmetric
+        self._ksp = PETSc.KSP().create(PETSc.COMM_SELF)
         self._ksp.setOptionsPrefix(prefix)
         self._ksp.setOperators(A)
         self._ksp.setType("preonly")
@@ -143,7 +145,7 @@ class Factor(OfOneProcess):
 
     def _write(self, values: Array) -> None:
         """Other values in place of those of the matrix, in the order in which these are stored."""
-        kind, held = "SBAIJ" if self._symmetric else "AIJ", ctypes.POINTER(ctypes.c_double)()
+        kind, held = "SBAIJ" if self.symmetric else "AIJ", ctypes.POINTER(ctypes.c_double)()
         A = ctypes.c_void_p(self._A.handle)
         _call(f"MatSeq{kind}GetArray", A, ctypes.byref(held))
         np.ctypeslib.as_array(held, shape=values.shape)[:] = values
@@ -417,7 +419,7 @@ class InterfaceFactor(Factor):
         A = -np.ctypeslib.as_array(values, shape=(rows, rows)).T
         _call("MatDenseRestoreArray", S, ctypes.byref(values))
         _call("MatFactorRestoreSchurComplement", F, ctypes.byref(S), status)
-        for b in blocks(rows * self._symmetric):
+        for b in blocks(rows * self.symmetric):
             A[b, b.stop :] = A[b.stop :, b].T
             A[b, b] = np.tril(A[b, b]) + np.tril(A[b, b], -1).T
         return A
@@ -451,10 +453,10 @@ def interface_factor(
         held: it, or nothing; the new one takes its place.
         P: see ``InterfaceFactor``.
         B: likewise.
-        symmetric: as before, as that of the one held.
-        solves: likewise.
+        symmetric: likewise.
+        solves: as that of the one held.
     """
-    if held and not held[0].update(P, B):
+    if held and (held[0].symmetric != symmetric or not held[0].update(P, B)):
         held.pop().destroy()
     if not held:
         held.append(InterfaceFactor(P, B, symmetric, solves))

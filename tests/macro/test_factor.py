@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro import solver
-from brake_fenicsx.macro.solver import Factor, InterfaceFactor, joined, separators
+from brake_fenicsx.macro.solver import Factor, InterfaceFactor, interface_factor, joined, separators
 
 
 def chain(ends: float, n: int = 200) -> sp.csr_matrix:
@@ -102,3 +102,14 @@ def test_nested_dissection_costs_less_and_gives_the_same(shift, monkeypatch):
     assert negative == expected and (negative > 0) == (shift > 0)
     if ordering == 0 and solver._metis():  # minimum degree
         assert work < 0.7 * most
+
+
+def test_a_factor_of_a_symmetric_matrix_is_none_of_an_unsymmetric_one():
+    """Of the same pattern, too: at another point of a box a damping may have lost its symmetry."""
+    K, B, held = chain(2.0), sp.identity(200, format="csr")[::40], []
+    turned = (K + sp.diags([0.3, -0.3], [1, -1], shape=K.shape)).tocsr()
+    for A, symmetric in ((K, True), (turned, False), (K, True), (2.0 * K, True)):
+        found = interface_factor(held, lambda A=A: A, B, symmetric).flexibility
+        exact = B @ np.linalg.solve(A.toarray(), B.T.toarray())
+        np.testing.assert_allclose(found, exact, rtol=1e-9, atol=1e-12)
+    held.pop().destroy()

@@ -313,25 +313,29 @@ class Reduction:
         if shares is None or not self._rows.damped:
             return values
         alpha, beta = shares[0] / self._omega, shares[1] * self._omega
-        out, f = [], self._body.elements.size * len(self._rows.followed)
+        turned: AnyArray = self._points
+        if i in plan.few:
+            turned = self._lambda(plan.points[i], shares)
+        else:
+            # At the end of the band the value there is known, too.
+            given, values = values, []
+            kappa = -(turned**2 + alpha * turned) / (1 + beta * turned)
+            for n, point in enumerate(kappa):
+                nodes = self._real[: len(given) - (n < len(kappa) - 1)]
+                powers = np.vander(nodes, increasing=True), point ** np.arange(nodes.size)
+                weights = np.linalg.solve(powers[0].T, powers[1])
+                values.append(sum(w * A for w, A in zip(weights, given, strict=False)))
+        f = self._body.elements.size * len(self._rows.followed)
         g = self._body.elements.size * len(self._rows.acting)
         X = slice(g, g + self._W.shape[1] * self._coupled)
-        few = i in plan.few
-        for n, s in enumerate(self._lambda(plan.points[i], shares) if few else self._points):
-            s = s if s.imag else s.real
+        out = []
+        for s, value in zip(turned, values, strict=True):
             factor = 1 + beta * s
-            kappa = -(s**2 + alpha * s) / factor
-            # At the end of the band the value there is known, too.
-            nodes = self._real[: len(values) - (n < len(self._points) - 1)]
-            powers = np.vander(nodes, increasing=True), kappa ** np.arange(nodes.size)
-            weights = np.linalg.solve(powers[0].T, powers[1])
-            value = sum(w * A for w, A in zip(weights, values, strict=False))
-            value = values[n] + 0 * s if few else value
-            value = value if np.imag(s) else value.real
+            value = np.array(value, complex)
             value[:f] /= factor
             value[:f, X] *= factor
             value[f:, X] *= factor
-            out.append(value)
+            out.append(value if s.imag else value.real)
         return out
 
     def _lambda(self, points: Complex, shares: tuple[float, float]) -> Complex:
