@@ -66,19 +66,18 @@ def real_points(count: int, eigenvalues: Array, end: float = 1.0) -> Array:
     return np.r_[points[0], _away(np.r_[points[1:], end], eigenvalues)]
 
 
-def imaginary_points(count: int, eigenvalues: Array, end: float = 1.0) -> Complex:
+def imaginary_points(count: int, eigenvalues: Array) -> Complex:
     """Chebyshev points in lambda: a real one at 0 but for ``FIRST``, those above it, i at the end.
 
     Args:
         count: number of points above the real one.
         eigenvalues: kappa of the body without damping, shape (modes,).
-        end: of an interval in place of the band, in units of the band's end.
 
     Returns:
         Shape (count + 2,).
     """
     y = np.cos((2 * np.arange(count)[::-1] + 1) * np.pi / (4 * count + 2))
-    return np.r_[np.sqrt(-FIRST), 1j * np.sqrt(_away(end**2 * np.r_[y**2, 1.0], eigenvalues))]
+    return np.r_[np.sqrt(-FIRST), 1j * np.sqrt(_away(np.r_[y**2, 1.0], eigenvalues))]
 
 
 def _away(points: Array, eigenvalues: Array) -> Array:
@@ -165,29 +164,22 @@ class Polynomial:
         return np.asarray(np.maximum(within, size) * np.maximum(1.0, nearer))
 
 
-def lowest_coefficients(
-    w: AnyArray, values: Sequence[AnyArray], beyond: Sequence[AnyArray], count: int
-) -> Array:
-    """First real coefficients of a polynomial whose others are known.
+def lowest_coefficients(w: Array, values: Sequence[Array], beyond: Sequence[AnyArray]) -> Array:
+    """First coefficients of a polynomial whose others are known, from as many values.
 
     Args:
-        w: where values are, shape (values,); a complex one counts twice.
-        values: shape (values, ...).
-        beyond: the coefficients after the first ones.
-        count: number of these.
+        w: where the values are, shape (count,).
+        values: shape (count, ...).
+        beyond: the coefficients after the first count.
 
     Returns:
         Shape (count, ...).
     """
-    given = [*values]
+    count, given = len(w), [*values]
     for j, A in enumerate(beyond):
         given = [v - x ** (count + j) * A for x, v in zip(w, given, strict=True)]
-    powers = np.vander(w, count, increasing=True)
-    conditions, turned = powers.real, np.flatnonzero(np.imag(w))
-    if turned.size:
-        conditions = np.vstack([conditions, powers[turned].imag])
-    parts = [*(v.real for v in given), *(given[j].imag for j in turned)]
-    return np.asarray(np.tensordot(np.linalg.pinv(conditions), parts, 1))
+    inverse = np.linalg.inv(np.vander(w, increasing=True))
+    return np.asarray(np.tensordot(inverse, given, 1), float)
 
 
 @dataclass(frozen=True, slots=True)

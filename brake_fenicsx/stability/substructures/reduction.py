@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
+from brake_fenicsx.arguments import AnyArray, Array, Index
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import InterfaceFactor, blocks
@@ -73,13 +73,11 @@ class Plan:
         points: of the frequency, lambda in units of the band's end, at each point of the box:
             number -> shape (factors,), in the order of the work.
         shares: alpha and beta of its damping there, see ``proportional``.
-        few: numbers of those that are there for their first coefficients alone.
     """
 
     coefficients: InterpolatedCoefficients
     points: dict[int, AnyArray]
     shares: list[tuple[float, float] | None]
-    few: set[int]
 
     @property
     def factors(self) -> int:
@@ -153,8 +151,7 @@ class Reduction:
         ]
         counts = {i: placed.counts[i] if i != softest else len(degrees) for i in placed.order}
         points = {i: self._frequencies(n, shares[i]) for i, n in counts.items()}
-        whole = [len(self._frequencies(len(degrees), own)) for own in shares]
-        return Plan(placed, points, shares, {i for i in points if len(points[i]) < whole[i]})
+        return Plan(placed, points, shares)
 
     def _shares(self, own: Array) -> tuple[float, float] | None:
         """Alpha and beta of the damping at a point of the box, see ``proportional``."""
@@ -165,19 +162,15 @@ class Reduction:
     def _frequencies(self, count: int, shares: tuple[float, float] | None) -> AnyArray:
         """Lambda, in units of the band's end, of the factors that give so many coefficients.
 
-        The first coefficients alone take as many values, of which a complex one counts twice: the
-        others are interpolated. Further on their errors would come into the first ones.
+        The first ones alone of an undamped body take as many: the others are interpolated. Further
+        on their errors would come into the first ones.
         """
-        every, damped = self._polynomial.count, self._rows.damped
-        whole = self._points if shares is None else np.sqrt(-self._real + 0j)
-        if count >= every:
-            return whole
-        end, more = count / every, count // 2 if damped else count - 1
         if shares is None:
-            return imaginary_points(more, self._scaled, end)[:-1]
-        few = np.sqrt(-real_points(more + 1, self._scaled, end ** (1 + damped))[:-1] + 0j)
-        # Of a body that is damped too strongly to turn a value is real.
-        return few if np.all(self._lambda(few[1:], shares).imag > 0) else whole
+            return self._points
+        every, real = self._polynomial.count, self._real
+        if count < every and not self._rows.damped:
+            real = real_points(count, self._scaled, count / every)[:-1]
+        return np.sqrt(-real + 0j)
 
     def arrays(
         self, plan: Plan, degrees: Sequence[int], orders: Index, progress: Callable[[int], None]
@@ -198,9 +191,9 @@ class Reduction:
         missing: Array = np.zeros(0)
         largest, interpolated = 0.0, plan.coefficients
         for i, values in self._values(plan, progress):
-            if i in plan.few:
-                given = values, interpolated.beyond(i), interpolated.counts[i]
-                interpolated.add(i, lowest_coefficients(self._variable(plan, i), *given))
+            if not self._rows.damped and len(values) < self._polynomial.count:
+                w = SIGMA - np.real(plan.points[i] ** 2)
+                interpolated.add(i, lowest_coefficients(w, values, interpolated.beyond(i)))
                 continue
             coefficients = np.empty((self._polynomial.count, *values[-1].shape))
             # Some rows at a time: no second copy of all values.
@@ -265,7 +258,10 @@ class Reduction:
                 values.append(value)
                 if len(values) < len(plan.points[i]):
                     continue
-                yield i, self._damped(values, plan, i)
+                shares = plan.shares[i]
+                if shares is not None and self._rows.damped:
+                    values = self._damped(values, shares[0] / self._omega, shares[1] * self._omega)
+                yield i, values
                 values = []
         finally:
             for body in seen.values():
@@ -301,55 +297,31 @@ class Reduction:
         changed = np.tensordot(c, np.reshape(changes, (c.shape[1], *K.shape)), 1)
         return np.asarray(np.stack([K, M]) + changed, float)
 
-    def _damped(self, values: list[AnyArray], plan: Plan, i: int) -> list[AnyArray]:
-        """Values in lambda of a body with C = alpha M + beta K from those in kappa.
+    def _damped(self, values: list[Array], alpha: float, beta: float) -> list[AnyArray]:
+        """Values at the points in lambda of a body with C = alpha M + beta K from those in kappa.
 
         All in units of the band's end.
 
-        P(lambda) = (1 + beta lambda) (K - kappa M) at a complex kappa. First coefficients alone are
-        known from values at those lambda whose kappa is real.
+        P(lambda) = (1 + beta lambda) (K - kappa M) at a complex kappa.
         """
-        shares = plan.shares[i]
-        if shares is None or not self._rows.damped:
-            return values
-        alpha, beta = shares[0] / self._omega, shares[1] * self._omega
-        turned: AnyArray = self._points
-        if i in plan.few:
-            turned = self._lambda(plan.points[i], shares)
-        else:
-            # At the end of the band the value there is known, too.
-            given, values = values, []
-            kappa = -(turned**2 + alpha * turned) / (1 + beta * turned)
-            for n, point in enumerate(kappa):
-                nodes = self._real[: len(given) - (n < len(kappa) - 1)]
-                powers = np.vander(nodes, increasing=True), point ** np.arange(nodes.size)
-                weights = np.linalg.solve(powers[0].T, powers[1])
-                values.append(sum(w * A for w, A in zip(weights, given, strict=False)))
-        f = self._body.elements.size * len(self._rows.followed)
+        out, f = [], self._body.elements.size * len(self._rows.followed)
         g = self._body.elements.size * len(self._rows.acting)
         X = slice(g, g + self._W.shape[1] * self._coupled)
-        out = []
-        for s, value in zip(turned, values, strict=True):
+        for n, s in enumerate(self._points):
+            s = s if s.imag else s.real
             factor = 1 + beta * s
-            value = np.array(value, complex)
+            kappa = -(s**2 + alpha * s) / factor
+            # At the end of the band the value there is known, too.
+            nodes = self._real[: len(values) - (n < len(self._points) - 1)]
+            powers = np.vander(nodes, increasing=True), kappa ** np.arange(nodes.size)
+            weights = np.linalg.solve(powers[0].T, powers[1])
+            value = sum(w * A for w, A in zip(weights, values, strict=False))
+            value = value if np.imag(s) else value.real
             value[:f] /= factor
             value[:f, X] *= factor
             value[f:, X] *= factor
-            out.append(value if s.imag else value.real)
+            out.append(value)
         return out
-
-    def _lambda(self, points: Complex, shares: tuple[float, float]) -> Complex:
-        """Lambda of damped bodies whose kappa are those of undamped ones at some points."""
-        kappa = -np.real(points**2)
-        half = 0.5 * (shares[0] / self._omega + shares[1] * self._omega * kappa)
-        return np.asarray(np.sqrt(half**2 - kappa + 0j) - half)
-
-    def _variable(self, plan: Plan, i: int) -> AnyArray:
-        """The variable w at the points of the frequency of an anchor."""
-        points, shares = plan.points[i], plan.shares[i]
-        if not self._rows.damped:
-            return np.asarray(SIGMA - np.real(points**2))
-        return (points if shares is None else self._lambda(points, shares)) - self._rows.shift
 
     def _matrices(self, x: Array) -> tuple[sp.csr_matrix, sp.csr_matrix | None, sp.csr_matrix]:
         """K, C and M at a point of the box of all parameters."""

@@ -281,9 +281,11 @@ def static_compliance(
     for body, part in zip(bodies, parts, strict=True):
         e, m = body.elements, body.elements.size
         own = slice(first, first + len(part.Z))
-        first, square = own.stop, _square(e, e)
-        NN[square] += part.gaps[:, :m]
-        NT[square] += part.gaps[:, m : 2 * m]
+        first = own.stop
+        if m:
+            square = _square(e, e)
+            NN[square] += part.gaps[:, :m]
+            NT[square] += part.gaps[:, m : 2 * m]
         NF[e] += part.gaps[:, 2 * m :]
         motion[e, own], Z[own, own] = part.motion, part.Z
         normal[own, e], slip[own, e], pushed[own] = np.split(part.onto, [m, 2 * m], axis=1)
