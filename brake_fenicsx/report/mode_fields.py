@@ -19,6 +19,7 @@ from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.folder.log import spared
 from brake_fenicsx.folder.processes import meanwhile, on_first
 from brake_fenicsx.folder.sample_files import Task
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.faces import body_of_nodes, gather_face
 from brake_fenicsx.meshing.rawmesh import body_of_points
 from brake_fenicsx.results import squeal, tables
@@ -127,14 +128,7 @@ def prepare_shapes(
     Returns:
         The works that write fields/modes_*, fields/phase_* and figures/mode_*.
     """
-    store = study.store
-    if comm.rank == 0:
-        shutil.rmtree(store.path("fields"), ignore_errors=True)
-        for name in ("fields", "figures"):
-            store.path(name).mkdir(exist_ok=True)
-        for old in (*store.path("figures").glob("mode_*.*"), store.path("figures", "mesh.png")):
-            old.unlink(missing_ok=True)
-    comm.Barrier()
+    on_first(partial(_clear, study.store), comm)
     run, drawn = _severe(study, comm)
     rest, known = _resting(study, first), dict[Task, Array]()
 
@@ -163,6 +157,15 @@ def prepare_shapes(
             if not error[0] <= EXACT
         ]
     return ShapeWorks(works, lost + missing)
+
+
+def _clear(store: Store) -> None:
+    """Folders of the fields and figures, without those of an earlier run."""
+    shutil.rmtree(store.path("fields"), ignore_errors=True)
+    for name in ("fields", "figures"):
+        store.path(name).mkdir(exist_ok=True)
+    for old in (*store.path("figures").glob("mode_*.*"), store.path("figures", "mesh.png")):
+        old.unlink(missing_ok=True)
 
 
 def write_shapes(study: Study, rows: Sequence[mode_cards.ModeShape]) -> None:

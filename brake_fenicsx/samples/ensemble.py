@@ -130,7 +130,7 @@ def _run(
                 else:
                     made[True, i] = beside[i - len(wanted)]()
                 progress.advance(shared + i + 1 - progress.done)
-        except BrakeError as error:
+        except (BrakeError, OSError) as error:
             defect = error
         except Exception:
             defect = RuntimeError(traceback.format_exc())

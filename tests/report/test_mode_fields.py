@@ -12,7 +12,7 @@ from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.report import mode_fields
-from brake_fenicsx.report.mode_fields import _severe, nodal_pattern
+from brake_fenicsx.report.mode_fields import _severe, nodal_pattern, prepare_shapes
 from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
 from brake_fenicsx.samples.sampling import Roughness
 from brake_fenicsx.samples.solve import by_bodies, displacements
@@ -181,3 +181,14 @@ def test_equilibria_of_changing_bodies_take_the_whole_stiffness(tmp_path):
     study = Study(scene, brake, Roughness(hdf=read_surface(scene).hdf), Store(tmp_path), COMM)
     study.prepare()
     assert not by_bodies(study.models, study.sample(("multi-scale", 0)))
+
+
+@pytest.mark.together
+def test_folders_that_cannot_be_made_are_told_to_all(processes):
+    """Others of its team waited for the first process for ever."""
+    team, folder = processes
+    if team.rank == 0:
+        (folder / "figures").write_text("no folder")
+    study = SimpleNamespace(store=Store(folder), scene=None)
+    with pytest.raises(FileExistsError):
+        prepare_shapes(study, {}, {}, False, team)

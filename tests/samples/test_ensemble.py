@@ -184,5 +184,5 @@ def test_results_that_cannot_be_stored_end_the_run_on_all(store):
         raise OSError("no space left")
 
     store.save = full
-    with pytest.raises(RuntimeError, match="no space left"):
+    with pytest.raises(OSError, match="no space left"):
         run_ensemble(TASKS, lambda _: {}, store, COMM)
