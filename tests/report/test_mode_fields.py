@@ -82,7 +82,7 @@ def test_the_most_severe_families_are_drawn_whatever_their_sample(
         mode_fields, "read_run", lambda folder, told: replace(read_run(folder), summary=told)
     )
     scene = read_scene(BLOCK, [f"stability.threshold={threshold}"])
-    run, ((*chosen,),) = _severe(SimpleNamespace(comm=COMM, store=Store(tmp_path), scene=scene))
+    run, ((*chosen,),) = _severe(SimpleNamespace(store=Store(tmp_path), scene=scene), COMM)
     assert run.threshold == threshold
     # The one of median damping: of two equal ones any.
     found = [(m.sample, m.mode) for m in chosen]

@@ -50,20 +50,19 @@ STEPS, STILL = 40, 1e-6
 LEFT_STEPS = 16
 
 
-def real_points(count: int, eigenvalues: Array, end: float = 1.0) -> Array:
+def real_points(count: int, eigenvalues: Array) -> Array:
     """Chebyshev points in kappa, from ``FIRST`` on, and the end of the band after them.
 
     Args:
-        count: number of points but for the end.
+        count: number of points but for the end, two at least.
         eigenvalues: kappa of the body, shape (modes,).
-        end: of an interval in place of the band, in units of the band's end.
 
     Returns:
         Shape (count + 1,).
     """
     y = np.cos((2 * np.arange(count)[::-1] + 1) * np.pi / (2 * count))
-    points = end + (end - FIRST) / (1 - y[0]) * (y - 1.0)
-    return np.r_[points[0], _away(np.r_[points[1:], end], eigenvalues)]
+    points = 1.0 + (1.0 - FIRST) / (1 - y[0]) * (y - 1.0)
+    return np.r_[points[0], _away(np.r_[points[1:], 1.0], eigenvalues)]
 
 
 def imaginary_points(count: int, eigenvalues: Array) -> Complex:

@@ -65,7 +65,7 @@ class KeptModes:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class FactorPlan:
     """Where a body is factored.
 
     Attributes:
@@ -134,7 +134,7 @@ class Reduction:
         counts = coefficient_counts([int(n) for n in orders[self._own]], degrees)
         return len(counts), sum(len(self._frequencies(n, self._centre_shares)) for n in counts)
 
-    def plan(self, degrees: Sequence[int], orders: Index) -> Plan:
+    def plan(self, degrees: Sequence[int], orders: Index) -> FactorPlan:
         """Where the body is factored; collective.
 
         The softest anchor, where the poles of what is left out are the nearest, has all points of
@@ -151,7 +151,7 @@ class Reduction:
         ]
         counts = {i: placed.counts[i] if i != softest else len(degrees) for i in placed.order}
         points = {i: self._frequencies(n, shares[i]) for i, n in counts.items()}
-        return Plan(placed, points, shares)
+        return FactorPlan(placed, points, shares)
 
     def _shares(self, own: Array) -> tuple[float, float] | None:
         """Alpha and beta of the damping at a point of the box, see ``proportional``."""
@@ -162,18 +162,17 @@ class Reduction:
     def _frequencies(self, count: int, shares: tuple[float, float] | None) -> AnyArray:
         """Lambda, in units of the band's end, of the factors that give so many coefficients.
 
-        The first ones alone of an undamped body take as many: the others are interpolated. Further
-        on their errors would come into the first ones.
+        The first ones alone of an undamped body take as many: the others are interpolated. They are
+        the lowest of those that are taken elsewhere: through these, all polynomials lack the same,
+        and coefficients follow the materials.
         """
         if shares is None:
             return self._points
-        every, real = self._polynomial.count, self._real
-        if count < every and not self._rows.damped:
-            real = real_points(count, self._scaled, count / every)[:-1]
-        return np.sqrt(-real + 0j)
+        few = count < self._polynomial.count and not self._rows.damped
+        return np.sqrt(-self._real[: count if few else None] + 0j)
 
     def arrays(
-        self, plan: Plan, degrees: Sequence[int], orders: Index, progress: Callable[[int], None]
+        self, plan: FactorPlan, degrees: Sequence[int], orders: Index, progress: Callable[[int], None]
     ) -> dict[str, AnyArray]:
         """What ``Component`` takes, on the first process alone, nothing on others; collective.
 
@@ -229,7 +228,7 @@ class Reduction:
         }  # fmt: skip
 
     def _values(
-        self, plan: Plan, progress: Callable[[int], None]
+        self, plan: FactorPlan, progress: Callable[[int], None]
     ) -> Iterator[tuple[int, list[AnyArray]]]:
         """Number of each point of the box, and values there, on the first process; collective.
 
