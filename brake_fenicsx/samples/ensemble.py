@@ -109,7 +109,7 @@ def _run(
     last = comm.size - 1 - comm.rank
     first, wanted, pair = wanted[:shared], wanted[shared:], last // 2
     busy = 2 * shared + min(large - shared, comm.size - 1 - 2 * shared)
-    defect: Any = None
+    defect: Exception | None = None
     made: dict[tuple[bool, int], T] = {}
     with _Counter(comm) as counter, finishing(), ExitStack() as own:
         two = comm.Split(min(pair, shared), comm.rank) if shared else MPI.COMM_NULL
@@ -135,6 +135,14 @@ def _run(
         except Exception:
             defect = RuntimeError(traceback.format_exc())
         stopped = ending(comm)
+    return _of_all(made, defect, stopped, comm)
+
+
+def _of_all(
+    made: dict[tuple[bool, int], T], defect: Exception | None, stopped: BaseException | None,
+    comm: MPI.Comm,
+) -> list[T]:  # fmt: skip
+    """What came of the work of all processes, or what ends them all; collective."""
     defects = [d for d in comm.allgather(defect) if d is not None]
     if defects:
         raise defects[0]

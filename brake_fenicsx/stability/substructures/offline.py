@@ -108,18 +108,14 @@ def reduce_bodies(
         for body, kept in zip(bodies, modes, strict=True)
     ]
 
-    def levels(orders: Index) -> list[int]:
-        more = int(max(orders, default=degrees[0])) - degrees[0]
-        return [degree + more for degree in degrees]
-
     def cost(orders: Index) -> tuple[int, int]:
-        each = (reduction.cost(levels(orders), orders) for reduction in reductions)
+        each = (reduction.cost(_levels(degrees, orders), orders) for reduction in reductions)
         points, factors = zip(*each, strict=True)
         return max(points), sum(factors)
 
     def computed(orders: Index) -> dict[str, AnyArray]:
         arrays: dict[str, AnyArray] = {}
-        given = levels(orders), orders
+        given = _levels(degrees, orders), orders
         plans = [reduction.plan(*given) for reduction in reductions]
         advance = progress(ceil(sum(plan.factors for plan in plans) / comm.size))
         # The largest body takes most memory: it comes before the values of others are there.
@@ -158,6 +154,12 @@ def _degrees(tolerance: float, rows: Rows) -> tuple[int, ...]:
         return tuple(max(1, top - (n + 3) // 4) for n in range(2 * top + 3))
     # Modes that grow as fast as they turn lie off the real axis of kappa.
     return tuple(max(1, top - (n + 1) // 2) for n in range(top + 1 + rows.rates))
+
+
+def _levels(degrees: Sequence[int], orders: Index) -> list[int]:
+    """These of ``_degrees`` where the first coefficient has other degrees, shape (d,)."""
+    more = int(max(orders, default=degrees[0])) - degrees[0]
+    return [degree + more for degree in degrees]
 
 
 def _on_all(arrays: dict[str, AnyArray], comm: MPI.Comm) -> dict[str, AnyArray]:

@@ -172,7 +172,11 @@ class Reduction:
         return np.sqrt(-self._real[: count if few else None] + 0j)
 
     def arrays(
-        self, plan: FactorPlan, degrees: Sequence[int], orders: Index, progress: Callable[[int], None]
+        self,
+        plan: FactorPlan,
+        degrees: Sequence[int],
+        orders: Index,
+        progress: Callable[[int], None],
     ) -> dict[str, AnyArray]:
         """What ``Component`` takes, on the first process alone, nothing on others; collective.
 
