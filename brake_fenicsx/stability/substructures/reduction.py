@@ -164,11 +164,11 @@ class Reduction:
 
         The first ones alone of an undamped body take as many: the others are interpolated. They are
         the lowest of those that are taken elsewhere: through these, all polynomials lack the same,
-        and coefficients follow the materials.
+        and coefficients follow the materials. One parameter has few such points, and keeps all.
         """
         if shares is None:
             return self._points
-        few = count < self._polynomial.count and not self._rows.damped
+        few = count < self._polynomial.count and not self._rows.damped and self._own.size > 1
         return np.sqrt(-self._real[: count if few else None] + 0j)
 
     def arrays(
