@@ -115,12 +115,11 @@ def reduce_bodies(
 
     def computed(orders: Index) -> dict[str, AnyArray]:
         arrays: dict[str, AnyArray] = {}
-        given = _levels(degrees, orders), orders
-        plans = [reduction.plan(*given) for reduction in reductions]
+        plans = [reduction.plan(_levels(degrees, orders), orders) for reduction in reductions]
         advance = progress(ceil(sum(plan.factors for plan in plans) / comm.size))
         # The largest body takes most memory: it comes before the values of others are there.
         for i in sorted(range(len(bodies)), key=lambda i: -bodies[i].dofs.size):
-            found = reductions[i].arrays(plans[i], *given, advance)
+            found = reductions[i].arrays(plans[i], advance)
             arrays |= {f"{i}.{name}": a for name, a in found.items()}
         if comm.rank > 0:
             return {}

@@ -6,11 +6,12 @@ Leja points: as many as there are polynomials, chosen among Chebyshev points by 
 with pivoting, so that the first of them are good anchors of the lower degrees (Bos, De Marchi,
 Sommariva and Vianello, SIAM J. Numer. Anal. 48, 2010, doi:10.1137/090777372).
 
-Each coefficient D_n of a body is interpolated with a degree of its own: an anchor that is there for
-the first coefficients alone has an undamped body factored at as many frequencies, the others being
-known there. Those beyond the first are held in single precision: they are a hundredth of it and
-less. The error is estimated by the step from one degree lower, times what one degree more gains,
-and by the errors that were measured at two points between the anchors.
+Each coefficient D_n of a body is interpolated with a degree of its own. Where an anchor serves the
+first n coefficients alone, an undamped body of several parameters is factored at n frequencies: its
+other coefficients are interpolated from earlier anchors. Those beyond the first are held in single
+precision: they are a hundredth of it and less. The error is estimated by the step from one degree
+lower, times what one degree more gains, and by the errors that were measured at two points between
+the anchors.
 """
 
 from collections.abc import Callable, Sequence

@@ -105,7 +105,8 @@ class ReducedModel:
         # Of constant materials, or a few of them, all samples share the compliance.
         self._rest: dict[bytes, tuple[Array, Array, Array]] = {}
         self.held: int = 1
-        self._resting: dict[Component, tuple[bytes, AtRest]] = {}
+        # Bodies at rest, each at the last point of its own parameters.
+        self._at_last_point: dict[Component, tuple[bytes, AtRest]] = {}
         self._kept: tuple[Array, BlockMatrix] | None = None
 
     @staticmethod
@@ -175,7 +176,7 @@ class ReducedModel:
             given = self._at_rest(x, free), free, stiffness, self.omega
             self._rest[key] = static_compliance(self.bodies, *given)
             if not self.parameters.dimension:
-                self._resting.clear()
+                self._at_last_point.clear()
         return self._rest[key]
 
     def _at_rest(self, x: Array, free: Mask) -> list[AtRest]:
@@ -183,10 +184,10 @@ class ReducedModel:
         for body, view in zip(self.bodies, self.at(x), strict=True):
             component = body.component
             own = component.own(x).tobytes()
-            if self._resting.get(component, (None,))[0] != own:
+            if self._at_last_point.get(component, (None,))[0] != own:
                 part = AtRest.of(component, view, free[body.modes], self.rows)
-                self._resting[component] = own, part
-        return [self._resting[body.component][1] for body in self.bodies]
+                self._at_last_point[component] = own, part
+        return [self._at_last_point[body.component][1] for body in self.bodies]
 
     def displacements(
         self,

@@ -73,11 +73,15 @@ class FactorPlan:
         points: of the frequency, lambda in units of the band's end, at each point of the box:
             number -> shape (factors,), in the order of the work.
         shares: alpha and beta of its damping there, see ``proportional``.
+        degrees: level of the interpolation of each coefficient, see ``Interpolation``.
+        orders: degree of the first coefficient in each parameter of the body.
     """
 
     coefficients: InterpolatedCoefficients
     points: dict[int, AnyArray]
     shares: list[tuple[float, float] | None]
+    degrees: Sequence[int]
+    orders: Index
 
     @property
     def factors(self) -> int:
@@ -144,14 +148,15 @@ class Reduction:
             degrees: level of the interpolation of each coefficient, see ``Interpolation``.
             orders: degree of the first coefficient in each parameter, shape (d,).
         """
-        placed = InterpolatedCoefficients([int(n) for n in orders[self._own]], degrees)
+        own = orders[self._own]
+        placed = InterpolatedCoefficients([int(n) for n in own], degrees)
         softest = self._comm.bcast(int(np.argmin([self._softness(x) for x in placed.points])))
         shares = [
             *in_turns(len(placed.points), lambda i: self._shares(placed.points[i]), self._comm)
         ]
         counts = {i: placed.counts[i] if i != softest else len(degrees) for i in placed.order}
         points = {i: self._frequencies(n, shares[i]) for i, n in counts.items()}
-        return FactorPlan(placed, points, shares)
+        return FactorPlan(placed, points, shares, degrees, own)
 
     def _shares(self, own: Array) -> tuple[float, float] | None:
         """Alpha and beta of the damping at a point of the box, see ``proportional``."""
@@ -171,19 +176,11 @@ class Reduction:
         few = count < self._polynomial.count and not self._rows.damped and self._own.size > 1
         return np.sqrt(-self._real[: count if few else None] + 0j)
 
-    def arrays(
-        self,
-        plan: FactorPlan,
-        degrees: Sequence[int],
-        orders: Index,
-        progress: Callable[[int], None],
-    ) -> dict[str, AnyArray]:
+    def arrays(self, plan: FactorPlan, progress: Callable[[int], None]) -> dict[str, AnyArray]:
         """What ``Component`` takes, on the first process alone, nothing on others; collective.
 
         Args:
             plan: where the body is factored.
-            degrees: as of the plan.
-            orders: likewise.
             progress: called with the number of factors that were made.
 
         Raises:
@@ -227,7 +224,7 @@ class Reduction:
             "beyond": self._beyond, "coupled": np.array(self._coupled), "points": self._points,
             "missing": missing.astype(np.float32),
             "reach": np.array(self._reach),
-            "degrees": np.array(degrees), "orders": orders[self._own],
+            "degrees": np.array(plan.degrees), "orders": plan.orders,
             "modal": np.array(self._grams), "modal_C": np.array(damping),
         }  # fmt: skip
 

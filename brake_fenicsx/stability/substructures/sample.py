@@ -214,7 +214,7 @@ class AtRest:
             shape (elements, 2 elements + loads).
         motion: gaps of its free coordinates, shape (elements, free).
         onto: forces on the free coordinates, shape (free, 2 elements + loads).
-        Z: stiffness of these, shape (free, free).
+        Z: stiffness of the free coordinates, shape (free, free).
     """
 
     gaps: Array
