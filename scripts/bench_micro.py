@@ -4,8 +4,9 @@ Rows: one contact from a cold start (grid, boundary, load, tolerance), 20 loads 
 a law, a library, and the error the grid itself makes at braking pressure. Errors are relative to a
 solution with tolerance 1e-12 on the same grid, or, for the grid study, to the finest grid. One
 thread; wall-clock seconds.
-``--all`` adds the grids of 512 and 1024 pixels. ContactMechanics and Tamaas run along where they
-are installed (extra ``peers``), on the same contact; ``--peers`` prints their rows alone.
+``--all`` adds the grids of 512 and 1024 pixels. ContactMechanics, Tamaas (extra ``peers``) and
+ASPHER (``pip install aspher``) run along where they are installed, on the same contact; ``--peers``
+prints their rows alone.
 """
 
 from __future__ import annotations
@@ -155,7 +156,9 @@ def libraries(n_laws: int) -> None:
 
 def peers(sizes: list[int]) -> None:
     """One contact from a cold start by every program that is installed, and how they agree."""
-    programs = {"ContactMechanics": by_contact_mechanics, "tamaas": by_tamaas}
+    programs = {
+        "ContactMechanics": by_contact_mechanics, "tamaas": by_tamaas, "aspher": by_aspher
+    }  # fmt: skip
     there = {name: solve for name, solve in programs.items() if find_spec(name)}
     for name in programs.keys() - there.keys():
         print(f"{name} is not installed: no rows")
@@ -213,6 +216,18 @@ def by_tamaas(h: Array, _periodic: bool = True) -> tuple[float, Array]:
     start = time.perf_counter()
     solver.solve(0.1)
     return time.perf_counter() - start, np.array(model.traction)
+
+
+def by_aspher(h: Array, periodic: bool) -> tuple[float, Array]:
+    """Seconds and pressures over E* by ASPHER, from coarse grids to the finest, with exact FFTs."""
+    import aspher
+
+    size, backend = {"grid_size": len(h), "domain_size": SIZE[0]}, "periodic" if periodic else "fft"
+    start = time.perf_counter()
+    found = aspher.solve_nested(
+        gap=-h.ravel(), p_nominal=0.1, coarsest=32, tol=1e-8, backend=backend, **size
+    )
+    return time.perf_counter() - start, np.reshape(found.pressure, h.shape)
 
 
 def _pairs(sizes: list[int]) -> Iterator[tuple[int, bool]]:

@@ -1,4 +1,4 @@
-"""The same contact from other programs (extra ``[peers]``): ContactMechanics and Tamaas."""
+"""The same contact from other programs: ContactMechanics, Tamaas (extra ``[peers]``), ASPHER."""
 
 import numpy as np
 import pytest
@@ -29,6 +29,21 @@ def test_pressures_agree_to_1e_6(boundary, level):
     assert np.linalg.norm(theirs - ours.pressure) < 1e-6 * np.linalg.norm(ours.pressure)
     if not periodic:  # with a periodic boundary the mean displacement is a convention
         assert ours.separation == pytest.approx(-found.offset, abs=1e-6 * h.std())
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic"])
+@pytest.mark.parametrize("level", [0.01, 0.1])
+def test_pressures_of_aspher_agree_to_1e_6(boundary, level):
+    """It is given gaps, heights with the other sign, and compiled by ``pip install aspher``."""
+    peer, n = pytest.importorskip("aspher"), 64
+    h = synthesise(PAPER.bifractal, PAPER.hdf, (n, n), SIZE, np.random.default_rng(0)).heights
+    half = peer.ContactSolver(n, SIZE[0], 1.0, backend="fft" if boundary == "free" else boundary)
+    found = half.solve(-h.ravel(), level, tol=1e-12, precond="fourier-fft")
+    assert found.status == "converged"
+    load = level * SIZE[0] * SIZE[1]
+    ours = solve_contact(h, SIZE, 1.0, load=load, boundary=boundary, tol=1e-13).pressure
+    theirs = np.reshape(found.pressure, h.shape)
+    assert np.linalg.norm(theirs - ours) < 1e-6 * np.linalg.norm(ours)
 
 
 def tamaas_pressures(h, hardness, mean):
