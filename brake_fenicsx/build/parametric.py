@@ -53,10 +53,19 @@ class ParametricBrake(Brake):
     @cached_property
     def masses(self) -> dict[str, sp.csr_matrix]:
         """Mass of each layer, and of bodies given by matrices [kg], shape (dofs, dofs)."""
-        density = {name: m.rho for name, m in self.materials.items()}
-        lumped = self.scene.mesh.mass == "lumped"
-        found = elasticity.layer_masses(self.mesh, self.elastic.free, density, lumped)
-        return found | self.elastic.masses
+        return {name: self.layer_mass(name) for name in self.layers}
+
+    @property
+    def layers(self) -> list[str]:
+        """Names of what ``layer_mass`` knows."""
+        return list(self.materials | self.elastic.masses)
+
+    def layer_mass(self, name: str) -> sp.csr_matrix:
+        """Mass of one layer, or of a body given by matrices [kg], shape (dofs, dofs)."""
+        if name in self.elastic.masses:
+            return self.elastic.masses[name]
+        density, lumped = {name: self.materials[name].rho}, self.scene.mesh.mass == "lumped"
+        return elasticity.layer_masses(self.mesh, self.elastic.free, density, lumped)[name]
 
     @cached_property
     def central_mass(self) -> sp.csr_matrix:

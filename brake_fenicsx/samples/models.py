@@ -12,9 +12,10 @@ import scipy.sparse as sp
 from brake_fenicsx.arguments import AnyArray, Array
 from brake_fenicsx.build import damping_terms, parametric
 from brake_fenicsx.errors import OfOneProcess
-from brake_fenicsx.folder import files, processes
+from brake_fenicsx.folder import files
 from brake_fenicsx.folder.arrays import Arrays
 from brake_fenicsx.folder.log import logger
+from brake_fenicsx.folder.processes import in_turns, on_first, release_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.equilibrium import Compliance, Condensed, Solves, UnitLoads, compliance
 from brake_fenicsx.scene import Scene, Stability
@@ -99,7 +100,7 @@ class Models(OfOneProcess):
                     given = b.M, self.stability.band[1], self._store, self._comm
                     shapes = reference_shapes(whole, *given)
             self.coordinates = FamilyCoordinates(b, None, shapes)
-        processes.release_memory()
+        release_memory()
 
 
 def _reduced_loads(model: ReducedModel, brake: parametric.ParametricBrake, k0: Array) -> UnitLoads:
@@ -168,8 +169,10 @@ def layer_grams(
     """
 
     def made() -> Arrays:
-        return {f"of_{name}": model.coordinates(A) for name, A in brake.masses.items()}
+        each = in_turns(len(names), lambda i: model.coordinates(brake.layer_mass(names[i])), comm)
+        return {f"of_{name}": gram for name, gram in zip(names, each, strict=True)}
 
+    names = brake.layers
     kept = _kept(store, LAYERS, made, comm, f"{mark} {model.bodies[-1].modes.stop}")
     return {name.removeprefix("of_"): gram for name, gram in kept.items()}
 
@@ -189,23 +192,27 @@ def reference_shapes(
         comm: processes of the run.
     """
     cutoff = (2 * np.pi * FAMILIES * end) ** 2
-    made = _kept(store, SHAPES, lambda: {"shapes": lowest_modes(factor, M, cutoff).Phi}, comm)
-    return np.asarray(made["shapes"])
+
+    def made() -> Arrays:
+        return {"shapes": on_first(lambda: lowest_modes(factor, M, cutoff).Phi, comm)}
+
+    return np.asarray(_kept(store, SHAPES, made, comm)["shapes"])
 
 
 def _kept(
     store: Store, file: str, make: Callable[[], Arrays], comm: MPI.Comm, mark: str = ""
 ) -> Arrays:
-    """Arrays of a file that has this mark, made and kept where there is none; collective."""
+    """Arrays of a file that has this mark, made and kept where there is none; all collective."""
 
-    def kept() -> Arrays:
+    def there() -> Arrays | None:
         arrays = store.load(file)
-        if arrays is None or str(arrays.pop("mark", "")) != mark:
-            arrays = make()
-            store.save(file, mark=np.array(mark), **arrays)
-        return arrays
+        return arrays if arrays and str(arrays.pop("mark", "")) == mark else None
 
-    return processes.on_first(kept, comm)
+    kept = on_first(there, comm)
+    if kept is None:
+        kept = make()
+        on_first(lambda: store.save(file, mark=np.array(mark), **kept), comm)
+    return kept
 
 
 def _said(name: str, value: Any) -> str:
