@@ -310,10 +310,34 @@ def _zones(this: Run, surfaces: Surfaces) -> dict[str, Roughness]:
 
 
 def mechanics(this: Run, surfaces: Surfaces, library: LawLibrary | None, brake: Brake) -> None:
-    """Shared reduction, and every sample's equilibrium and modes."""
-    from brake_fenicsx.results.output import prepare_blocks, save_stage
+    """Shared reduction, every sample's equilibrium and modes, tables, verification, pictures."""
+    from brake_fenicsx.results.output import save_stage, verification
 
-    study = make_study(this, surfaces, library, brake)
+    study, drawn = make_study(this, surfaces, library, brake), "report" in this.scene.stages
+    extras = [extra for extra in named(this.scene) if extra.stage]
+    if drawn and this.whole and study.few and not extras and this.scene.sweep is None:
+        with this.stage("pictures"):
+            draw_beside(this, study, lambda: tables_of_samples(this, study))
+        return
+    first = tables_of_samples(this, study)
+    if first is None:
+        return
+    for extra in extras:
+        with this.stage(extra.name):
+            save_stage(this.store, extra.name, load(extra.stage)(this, study) or {})
+    if drawn:
+        with this.stage("pictures"):
+            draw_beside(this, study, lambda: first)
+    elif study.verify:
+        with this.stage("verification"):
+            study.verified_beside(())
+            this.facts["verification"] = processes.on_first(lambda: verification(study), this.comm)
+
+
+def tables_of_samples(this: Run, study: Study) -> First | None:
+    """Every sample that is not stored yet, the sweep and tables; none before the run is whole."""
+    from brake_fenicsx.results.output import prepare_blocks
+
     with this.stage("samples"):
         prepare_blocks(study)
         if this.store.share is None and this.comm.rank == 0:
@@ -323,7 +347,7 @@ def mechanics(this: Run, surfaces: Surfaces, library: LawLibrary | None, brake: 
             study.run()
         this.store.samples.tabulate = None  # it holds the brake
     if this.prepare:
-        return
+        return None
     sweep = None
     if this.scene.sweep is not None:
         from brake_fenicsx.sweeps.sweep_study import SweepStudy
@@ -332,17 +356,9 @@ def mechanics(this: Run, surfaces: Surfaces, library: LawLibrary | None, brake: 
             sweep = SweepStudy(study)
             sweep.run()
     if not this.whole:
-        return
+        return None
     with this.stage("results"):
-        first = _results(this, study, sweep)
-    for extra in named(this.scene):
-        if extra.stage:
-            with this.stage(extra.name):
-                save_stage(this.store, extra.name, load(extra.stage)(this, study) or {})
-    drawn = "report" in this.scene.stages
-    if study.verify or drawn:
-        with this.stage("pictures" if drawn else "verification"):
-            draw_beside(this, study, first)
+        return _results(this, study, sweep)
 
 
 def _results(this: Run, study: Study, sweep: SweepStudy | None) -> First:
@@ -363,27 +379,34 @@ def _results(this: Run, study: Study, sweep: SweepStudy | None) -> First:
     return first
 
 
-def draw_beside(this: Run, study: Study, first: First) -> None:
-    """Samples of the verification, and beside them the pictures and figures of the page."""
-    from brake_fenicsx.results.output import verification
+def draw_beside(this: Run, study: Study, tables: Callable[[], First | None]) -> None:
+    """Samples of the verification, and beside them the tables, pictures and figures of the page.
 
-    if "report" not in this.scene.stages:
-        study.verified_beside(())
-        this.facts["verification"] = processes.on_first(lambda: verification(study), this.comm)
-        return
+    Args:
+        this: the run.
+        study: its samples.
+        tables: gives what came of the tables; called by the processes that verify nothing, of which
+            run and study are meanwhile.
+    """
     from brake_fenicsx.report.mode_cards import ModeShape
     from brake_fenicsx.report.mode_fields import contact_faces, prepare_shapes, write_shapes
+    from brake_fenicsx.results.output import verification
 
-    faces, lost = contact_faces(study), list[str]()
-    if this.comm.rank == 0:
-        this.write_summary()  # which pages and figures read
-    this.comm.Barrier()
+    faces, lost, comm = contact_faces(study), list[str](), this.comm
 
-    def shapes(comm: MPI.Comm) -> list[Callable[[], tuple[Any, list[str]]]]:
-        """First page, fields and shapes of modes, and the works that draw."""
-        found = prepare_shapes(study, first, faces, this.pictures, comm)
+    def shapes(team: MPI.Comm) -> list[Callable[[], tuple[Any, list[str]]]]:
+        """Tables, first page, fields and shapes of modes, and the works that draw."""
+        this.comm = study.comm = team
+        try:
+            first = tables() or {}
+        finally:
+            this.comm = study.comm = comm
+        if team.rank == 0:
+            this.write_summary()  # which pages and figures read
+        team.Barrier()
+        found = prepare_shapes(study, first, faces, this.pictures, team)
         lost.extend(found.lost)
-        if comm.rank == 0:
+        if team.rank == 0:
             # Verification and pictures take longer than all samples do: nobody waits for them.
             lost.extend(spared("first page", lambda: _first_page(this))[1])
         mesh = partial(spared, "picture of the mesh", partial(draw_mesh, this, study.brake))
@@ -392,11 +415,12 @@ def draw_beside(this: Run, study: Study, first: First) -> None:
     read = cache(lambda: read_run(this.store.directory))
     works = figure_works(this.store.directory, read, this.pictures, this.scene.own.figures)
     made = study.verified_beside(works, shapes)
+    this.facts |= comm.bcast(this.facts)
     this.warn(lost)
     if study.verify:
-        this.facts["verification"] = processes.on_first(lambda: verification(study), this.comm)
+        this.facts["verification"] = processes.on_first(lambda: verification(study), comm)
     this.warn([text for _, missing in made for text in missing])
-    if this.comm.rank == 0:
+    if comm.rank == 0:
         write_shapes(study, [row for row, _ in made if isinstance(row, ModeShape)])
 
 

@@ -55,13 +55,14 @@ class Run:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Log and time a stage."""
+        """Log and time a stage; what stages within it take is theirs."""
         title = STAGES.get(name, name)
         logger.info("%s ...", title)
-        start = time.perf_counter()
+        start, before = time.perf_counter(), sum(self.seconds.values())
         yield
         self.comm.Barrier()
-        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+        elapsed = time.perf_counter() - start - (sum(self.seconds.values()) - before)
+        self.seconds[name] = self.seconds.get(name, 0.0) + elapsed
         self.process_memory_mb[name], self.peak_memory_mb[name] = processes.peak_memory(self.comm)
         numbers = self.seconds[name], self.peak_memory_mb[name]
         logger.info("%s: done in %.1f s (peak memory %.0f MB)", title, *numbers)

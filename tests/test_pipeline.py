@@ -233,6 +233,33 @@ def test_two_processes_give_the_modes_of_one(processes, tmp_path):
         assert abs(s[0] - s[1]) <= max(1e-8 * abs(s[0]), 2 * float(a["error_estimate"]))
 
 
+@pytest.mark.together
+def test_a_sample_at_full_order_is_computed_beside_all_others(processes, monkeypatch):
+    """By the last of several processes, from the reduced model on; stages have their own times."""
+    comm, folder = processes
+    teams, work = [], Study.work
+
+    def noted(self, task, **shared):
+        teams.append((task[0], self.comm.size))
+        return work(self, task, **shared)
+
+    monkeypatch.setattr(Study, "work", noted)
+    drawn = MANY[3].replace("'uncertainty'", "'uncertainty','report'")
+    this = run(BLOCK, comm, folder / "out", [*MANY, drawn, "stability.verify=1"], pictures=False)
+    others = {size for approach, size in teams if approach != "verify"}
+    assert others <= {max(comm.size - 1 - (comm.size > 2), 1)}
+    assert sum(part.count(("verify", comm.size)) for part in comm.allgather(teams)) == 1 + (
+        comm.size > 2
+    )
+    assert this.comm is comm and this.facts["verification"]
+    if comm.rank == 0:
+        found = json.loads((folder / "out" / "summary.json").read_text())
+        assert {"samples", "results", "pictures", "report"} <= {*found["seconds"]}
+        assert min(found["seconds"].values()) >= 0.0
+        assert found["verification"] and (folder / "out" / "report.html").exists()
+    assert comm.allgather(this.facts["samples"]) == [this.facts["samples"]] * comm.size
+
+
 def test_failed_samples_have_seed_and_inputs(tmp_path, monkeypatch):
     """Where in the space of the inputs samples fail: seed, friction and random inputs of each."""
 

@@ -214,12 +214,13 @@ def limited(seconds: float | None, comm: MPI.Comm) -> Iterator[None]:
 
 @contextmanager
 def finishing() -> Iterator[None]:
-    """A block that looks at ``asked`` by itself."""
-    _State.finishing = True
+    """A block that looks at ``asked`` by itself; one within another leaves its end to that."""
+    before, _State.finishing = _State.finishing, True
     try:
         yield
     finally:
-        _State.asked = _State.finishing = False
+        _State.finishing = before
+        _State.asked = _State.asked and before
 
 
 def _on_signal(*_: Any) -> None:

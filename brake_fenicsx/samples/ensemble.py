@@ -12,7 +12,14 @@ import numpy as np
 
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.folder.log import Progress, logger
-from brake_fenicsx.folder.processes import asked, ending, finishing, on_first
+from brake_fenicsx.folder.processes import (
+    Terminated,
+    TimeUp,
+    asked,
+    ending,
+    finishing,
+    on_first,
+)
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 
@@ -57,6 +64,7 @@ def run_ensemble(
         beside: other work, which fills the time of processes that have no sample left.
         together: called before that by all processes but the last, which begin with a long sample
             each; gives more work, for the processes that called it. Is given their communicator.
+            The other work may need what it leaves: no process begins that before.
 
     Returns:
         What came of the work, first of ``together``, then beside, in its order, on every process.
@@ -109,16 +117,30 @@ def _run(
     last = comm.size - 1 - comm.rank
     first, wanted, pair = wanted[:shared], wanted[shared:], last // 2
     busy = 2 * shared + min(large - shared, comm.size - 1 - 2 * shared)
-    defect: Exception | None = None
+    defect: BaseException | None = None
     made: dict[tuple[bool, int], T] = {}
+    sent, others = list[MPI.Request](), range(comm.size - busy, comm.size) if together else ()
+    ready = None if comm.rank in others else True
+
+    def may() -> bool:
+        """Whether what the other work needs is there; waits for it the first time."""
+        nonlocal ready
+        ready = comm.recv(source=0) if ready is None else ready
+        return bool(ready)
+
     with _Counter(comm) as counter, finishing(), ExitStack() as own:
         two = comm.Split(min(pair, shared), comm.rank) if shared else MPI.COMM_NULL
-        team = comm.Split(int(last < busy), comm.rank) if together else MPI.COMM_NULL
+        team = comm.Split(int(comm.rank in others), comm.rank) if together else MPI.COMM_NULL
         try:
-            if together is not None and last >= busy:
+            if together is not None and comm.rank not in others:
                 of_team = own.enter_context(_Counter(team))
-                more = together(team)
-                while (i := of_team.next()) < len(more):
+                more: Sequence[Callable[[], T]] | None = None
+                try:
+                    more = together(team)
+                finally:
+                    ready = team.allreduce(more is not None, MPI.LAND)
+                    sent = [comm.isend(ready, i) for i in others if comm.rank == 0]
+                while ready and (i := of_team.next()) < len(more):
                     made[False, i] = more[i]()
             progress = Progress(what, large, count - large, processes=comm.size)
             if pair < shared:
@@ -127,25 +149,27 @@ def _run(
             while (i := counter.next()) < len(wanted) + len(beside):
                 if i < len(wanted):
                     compute_sample(wanted[i], work, store)
-                else:
+                elif may():
                     made[True, i] = beside[i - len(wanted)]()
                 progress.advance(shared + i + 1 - progress.done)
-        except (BrakeError, OSError) as error:
+        except (BrakeError, OSError, Terminated, TimeUp) as error:
             defect = error
         except Exception:
             defect = RuntimeError(traceback.format_exc())
+        may()
+        MPI.Request.Waitall(sent)
         stopped = ending(comm)
     return _of_all(made, defect, stopped, comm)
 
 
 def _of_all(
-    made: dict[tuple[bool, int], T], defect: Exception | None, stopped: BaseException | None,
+    made: dict[tuple[bool, int], T], defect: BaseException | None, stopped: BaseException | None,
     comm: MPI.Comm,
 ) -> list[T]:  # fmt: skip
     """What came of the work of all processes, or what ends them all; collective."""
     defects = [d for d in comm.allgather(defect) if d is not None]
     if defects:
-        raise defects[0]
+        raise Terminated(together=True) if isinstance(defects[0], Terminated) else defects[0]
     if stopped is not None:
         raise stopped
     every = {i: one for part in comm.allgather(made) for i, one in part.items()}

@@ -136,6 +136,13 @@ class Study(OfOneProcess):
         ensemble.run_ensemble(short, self.work, self.store, self.comm, long, paired=self._paired)
 
     @property
+    def few(self) -> bool:
+        """Whether some processes compute all samples while others verify one at full order."""
+        reduced, free = self.models.reduction.by_reduction, self.comm.size - len(self.verify)
+        few = len(self.tasks) <= ensemble.AS_LONG * free
+        return bool(self.verify) and few and all(reduced[name] for name, _ in self.tasks)
+
+    @property
     def _paired(self) -> bool:
         """Whether two processes may share a sample: an equilibrium alone is no work for them."""
         return self.models.stability is not None and self.brake.K.shape[0] < LARGEST

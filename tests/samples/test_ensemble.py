@@ -1,5 +1,6 @@
 """Samples over processes: all done once, failures kept, defects not hidden."""
 
+import signal
 import time
 
 from mpi4py import MPI
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.folder.processes import in_turns, meanwhile
+from brake_fenicsx.folder.processes import Terminated, TimeUp, in_turns, meanwhile, watching
 from brake_fenicsx.samples import ensemble
 from brake_fenicsx.samples.ensemble import run_ensemble
 
@@ -135,6 +136,60 @@ def test_work_together_beside_a_long_sample(store, paired):
     assert begun.count(("together", team)) == team
     assert begun.count((("classical", 0), shared)) == shared
     assert int(value(store, ("classical", 0))["x"]) == COMM.size - shared
+
+
+def test_other_work_waits_for_what_is_done_together(store):
+    """A process that has its long sample soon does not draw what the others have not written."""
+    written = store.path("table.txt")
+
+    def together(team):
+        time.sleep(0.3)
+        if team.rank == 0:
+            written.write_text("a table")
+        return []
+
+    works = [written.read_text] * 4
+    large = [("classical", 0)]
+    assert run_ensemble((), lambda _: {}, store, COMM, large, "", False, works, together) == (
+        ["a table"] * 4
+    )
+
+
+@pytest.mark.parametrize("end", [NotConverged("stalls"), ZeroDivisionError("a defect"), TimeUp()])
+def test_what_ends_the_work_together_ends_the_run_on_all(store, end):
+    """The long sample is stored; other work, which may need the rest, is not begun."""
+    begun = []
+
+    def together(team):
+        raise end
+
+    given = [("classical", 0)], "", False, [lambda: begun.append(1)], together
+    with pytest.raises(RuntimeError if isinstance(end, ZeroDivisionError) else type(end)):
+        run_ensemble((), lambda _: {}, store, COMM, *given)
+    assert not begun
+    assert (value(store, ("classical", 0)) is not None) == (COMM.size > 1)
+
+
+def test_samples_within_the_work_of_some_processes(store):
+    """A signal to end that comes among them ends them all, and is not lost before the last."""
+    done = []
+
+    def work(task, comm=MPI.COMM_SELF):
+        done.append(task)
+        if task == TASKS[2]:
+            signal.raise_signal(signal.SIGTERM)
+        return {"x": np.array(1)}
+
+    def together(team):
+        run_ensemble(TASKS, work, store, team)
+        return []
+
+    with watching(), pytest.raises(Terminated) as error:
+        run_ensemble((), work, store, COMM, [("classical", 0)], "", False, (), together)
+    assert error.value.together
+    everyone = [t for part in COMM.allgather(done) for t in part]
+    assert TASKS[2] in everyone and len(everyone) < len(TASKS)
+    assert all(value(store, t) is not None for t in everyone)
 
 
 def test_the_first_process_does_other_work_meanwhile():
