@@ -221,12 +221,11 @@ def main() -> None:
           f"{'GB':>8}{'GB/s':>7}{'copy':>7}{'over limit':>11}")  # fmt: skip
     for (stage, name), p in sorted(parts.items(), key=lambda item: item[0][0]):
         rate, width = p.flops / p.seconds, p.size / p.seconds
-        print(
-            f"{stage + ': ' + name:<32}{p.seconds:8.2f}{stages.get(stage, 0.0):8.2f}"
-            f"{p.flops / 1e9:9.1f}{rate / 1e9:9.1f}{rate / dgemm:7.0%}"
-            f"{p.size / 1e9:8.1f}{width / 1e9:7.1f}{width / copying:7.0%}"
-            f"{p.seconds / (p.bare or max(p.flops / dgemm, p.size / copying, 1e-9)):11.1f}"
-        )
+        limit = p.bare or max(p.flops / dgemm, p.size / copying)
+        print(f"{stage + ': ' + name:<32}{p.seconds:8.2f}{stages.get(stage, 0.0):8.2f}"
+              f"{p.flops / 1e9:9.1f}{rate / 1e9:9.1f}{rate / dgemm:7.0%}"
+              f"{p.size / 1e9:8.1f}{width / 1e9:7.1f}{width / copying:7.0%}"
+              f"{f'{p.seconds / limit:.1f}' if limit else '-':>11}")  # fmt: skip
 
 
 if __name__ == "__main__":
