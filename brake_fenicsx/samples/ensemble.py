@@ -1,7 +1,7 @@
 """Many samples over MPI processes: each takes the next one and stores it."""
 
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
 from typing import Any, TypeVar
@@ -119,29 +119,12 @@ def _run(
     busy = 2 * shared + min(large - shared, comm.size - 1 - 2 * shared)
     defect: BaseException | None = None
     made: dict[tuple[bool, int], T] = {}
-    sent, others = list[MPI.Request](), range(comm.size - busy, comm.size) if together else ()
-    ready = None if comm.rank in others else True
-
-    def may() -> bool:
-        """Whether what the other work needs is there; waits for it the first time."""
-        nonlocal ready
-        ready = comm.recv(source=0) if ready is None else ready
-        return bool(ready)
-
     with _Counter(comm) as counter, finishing(), ExitStack() as own:
         two = comm.Split(min(pair, shared), comm.rank) if shared else MPI.COMM_NULL
-        team = comm.Split(int(comm.rank in others), comm.rank) if together else MPI.COMM_NULL
+        team = own.enter_context(_Team(comm, busy if together else 0))
         try:
-            if together is not None and comm.rank not in others:
-                of_team = own.enter_context(_Counter(team))
-                more: Sequence[Callable[[], T]] | None = None
-                try:
-                    more = together(team)
-                finally:
-                    ready = team.allreduce(more is not None, MPI.LAND)
-                    sent = [comm.isend(ready, i) for i in others if comm.rank == 0]
-                while ready and (i := of_team.next()) < len(more):
-                    made[False, i] = more[i]()
+            if together is not None and not team.busy:
+                made |= {(False, i): one for i, one in team.work(together)}
             progress = Progress(what, large, count - large, processes=comm.size)
             if pair < shared:
                 compute_sample(first[pair], partial(work, comm=two), store, two.rank == 0)
@@ -149,15 +132,14 @@ def _run(
             while (i := counter.next()) < len(wanted) + len(beside):
                 if i < len(wanted):
                     compute_sample(wanted[i], work, store)
-                elif may():
+                elif team.ready():
                     made[True, i] = beside[i - len(wanted)]()
                 progress.advance(shared + i + 1 - progress.done)
         except (BrakeError, OSError, Terminated, TimeUp) as error:
             defect = error
         except Exception:
             defect = RuntimeError(traceback.format_exc())
-        may()
-        MPI.Request.Waitall(sent)
+        team.ready()
         stopped = ending(comm)
     return _of_all(made, defect, stopped, comm)
 
@@ -193,6 +175,50 @@ def compute_sample(task: Task, work: Work, store: Store, keep: bool = True) -> N
             logger.warning("%s %d: %s", *task, error)
     if keep:
         store.samples.save(task, **result)
+
+
+class _Team:
+    """Processes without a long sample: what they do first, which the others hear of.
+
+    Attributes:
+        busy: whether this process begins with a long sample.
+    """
+
+    def __init__(self, comm: MPI.Comm, busy: int):
+        self._comm, self._others = comm, range(comm.size - busy, comm.size)
+        self.busy = comm.rank in self._others
+        self._team = comm.Split(int(self.busy), comm.rank) if busy else comm
+        self._counter, self._sent = _Counter(self._team), list[MPI.Request]()
+        self._ready = None if self.busy else True
+
+    def __enter__(self) -> "_Team":
+        self._counter.__enter__()
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        MPI.Request.Waitall(self._sent)
+        self._counter.__exit__()
+
+    def work(
+        self, together: Callable[[MPI.Comm], Sequence[Callable[[], T]]]
+    ) -> Iterator[tuple[int, T]]:
+        """Numbers and results of the works of this process that it gives; collective."""
+        more: Sequence[Callable[[], T]] = ()
+        done = False
+        try:
+            more, done = together(self._team), True
+        finally:
+            self._ready = self._team.allreduce(done, MPI.LAND)
+            if self._comm.rank == 0:
+                self._sent = [self._comm.isend(self._ready, other) for other in self._others]
+        while self._ready and (i := self._counter.next()) < len(more):
+            yield i, more[i]()
+
+    def ready(self) -> bool:
+        """Whether what ``together`` leaves is there; a busy process waits for it at first."""
+        if self._ready is None:
+            self._ready = self._comm.recv(source=0)
+        return bool(self._ready)
 
 
 class _Counter:
