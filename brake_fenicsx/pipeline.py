@@ -340,9 +340,9 @@ def tables_of_samples(this: Run, study: Study) -> First | None:
 
     with this.stage("samples"):
         prepare_blocks(study)
-        if this.store.share is None and this.comm.rank == 0:
+        if this.store.share is None:
             numbers = Counter(name for name, _ in study.tasks)
-            this.store.save_json(PREPARED, numbers)
+            processes.on_first(lambda: this.store.save_json(PREPARED, numbers), this.comm)
         if not this.prepare:
             study.run()
         this.store.samples.tabulate = None  # it holds the brake
@@ -366,8 +366,7 @@ def _results(this: Run, study: Study, sweep: SweepStudy | None) -> First:
     from brake_fenicsx.results.output import write_results
     from brake_fenicsx.samples.forces import law_warnings, stuck_warnings
 
-    if this.comm.rank == 0:
-        this.store.forget_tables()
+    processes.on_first(this.store.forget_tables, this.comm)
     first = write_results(study)
     if sweep is not None:
         this.facts |= sweep.write()
@@ -401,9 +400,7 @@ def draw_beside(this: Run, study: Study, tables: Callable[[], First | None]) -> 
             first = tables() or {}
         finally:
             this.comm = study.comm = comm
-        if team.rank == 0:
-            this.write_summary()  # which pages and figures read
-        team.Barrier()
+        processes.on_first(this.write_summary, team)  # which pages and figures read
         found = prepare_shapes(study, first, faces, this.pictures, team)
         lost.extend(found.lost)
         if team.rank == 0:

@@ -14,7 +14,8 @@ import pytest
 
 from brake_fenicsx.build.brake import assemble_brake, check_brake
 from brake_fenicsx.cli import main
-from brake_fenicsx.errors import NotConverged, SceneError
+from brake_fenicsx.errors import NotConverged, SceneError, StorageError
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.libraries import LIBRARIES, version_of
 from brake_fenicsx.pipeline import assemble, run
 from brake_fenicsx.samples import solve as one_sample
@@ -258,6 +259,20 @@ def test_a_sample_at_full_order_is_computed_beside_all_others(processes, monkeyp
         assert min(found["seconds"].values()) >= 0.0
         assert found["verification"] and (folder / "out" / "report.html").exists()
     assert comm.allgather(this.facts["samples"]) == [this.facts["samples"]] * comm.size
+
+
+@pytest.mark.together
+@pytest.mark.parametrize("name", ["save_json", "forget_tables"])
+def test_a_folder_that_cannot_be_written_ends_all_processes(processes, monkeypatch, name):
+    """The first one writes; no other waits for it then."""
+    comm, folder = processes
+
+    def fail(*_):
+        raise StorageError("cannot be written")
+
+    monkeypatch.setattr(Store, name, fail)
+    with pytest.raises(StorageError):
+        run(BLOCK, comm, folder / "out", MANY, pictures=False)
 
 
 def test_failed_samples_have_seed_and_inputs(tmp_path, monkeypatch):

@@ -2,7 +2,6 @@
 
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
 from functools import partial
 from typing import Any, TypeVar
 
@@ -117,11 +116,13 @@ def _run(
     last = comm.size - 1 - comm.rank
     first, wanted, pair = wanted[:shared], wanted[shared:], last // 2
     busy = 2 * shared + min(large - shared, comm.size - 1 - 2 * shared)
+    # Beside work together a long sample of its own, however soon the others are done.
+    alone = busy - 2 * shared if together else 0
+    own, wanted, begun = wanted[:alone], wanted[alone:], shared + alone
     defect: BaseException | None = None
     made: dict[tuple[bool, int], T] = {}
-    with _Counter(comm) as counter, finishing(), ExitStack() as own:
+    with _Counter(comm) as counter, finishing(), _Team(comm, busy if together else 0) as team:
         two = comm.Split(min(pair, shared), comm.rank) if shared else MPI.COMM_NULL
-        team = own.enter_context(_Team(comm, busy if together else 0))
         try:
             if together is not None and not team.busy:
                 made |= {(False, i): one for i, one in team.work(together)}
@@ -129,19 +130,33 @@ def _run(
             if pair < shared:
                 compute_sample(first[pair], partial(work, comm=two), store, two.rank == 0)
                 progress.advance(shared)
+            elif own and last < busy:
+                compute_sample(own[last - 2 * shared], work, store)
             while (i := counter.next()) < len(wanted) + len(beside):
                 if i < len(wanted):
                     compute_sample(wanted[i], work, store)
                 elif team.ready():
                     made[True, i] = beside[i - len(wanted)]()
-                progress.advance(shared + i + 1 - progress.done)
+                progress.advance(begun + i + 1 - progress.done)
         except (BrakeError, OSError, Terminated, TimeUp) as error:
-            defect = error
+            defect = _of_the_run(error)
         except Exception:
             defect = RuntimeError(traceback.format_exc())
         team.ready()
         stopped = ending(comm)
     return _of_all(made, defect, stopped, comm)
+
+
+def _of_the_run(error: BaseException) -> BaseException:
+    """What ends all processes of the run, each where it has finished its work.
+
+    Raises:
+        Terminated: by a second signal, of this process alone. It waits for no other: who catches it
+            ends them all.
+    """
+    if isinstance(error, Terminated) and not error.together:
+        raise error
+    return error
 
 
 def _of_all(
@@ -151,7 +166,7 @@ def _of_all(
     """What came of the work of all processes, or what ends them all; collective."""
     defects = [d for d in comm.allgather(defect) if d is not None]
     if defects:
-        raise Terminated(together=True) if isinstance(defects[0], Terminated) else defects[0]
+        raise defects[0]
     if stopped is not None:
         raise stopped
     every = {i: one for part in comm.allgather(made) for i, one in part.items()}
@@ -195,22 +210,26 @@ class _Team:
         self._counter.__enter__()
         return self
 
-    def __exit__(self, *_: Any) -> None:
-        MPI.Request.Waitall(self._sent)
-        self._counter.__exit__()
+    def __exit__(self, kind: type[BaseException] | None, *_: Any) -> None:
+        if kind is not Terminated:
+            MPI.Request.Waitall(self._sent)
+        self._counter.__exit__(kind)
 
     def work(
         self, together: Callable[[MPI.Comm], Sequence[Callable[[], T]]]
     ) -> Iterator[tuple[int, T]]:
         """Numbers and results of the works of this process that it gives; collective."""
         more: Sequence[Callable[[], T]] = ()
-        done = False
+        failed: BaseException | None = None
         try:
-            more, done = together(self._team), True
-        finally:
-            self._ready = self._team.allreduce(done, MPI.LAND)
-            if self._comm.rank == 0:
-                self._sent = [self._comm.isend(self._ready, other) for other in self._others]
+            more = together(self._team)
+        except (Exception, Terminated, TimeUp) as error:
+            failed = _of_the_run(error)
+        self._ready = self._team.allreduce(failed is None, MPI.LAND)
+        if self._comm.rank == 0:
+            self._sent = [self._comm.isend(self._ready, other) for other in self._others]
+        if failed is not None:
+            raise failed
         while self._ready and (i := self._counter.next()) < len(more):
             yield i, more[i]()
 
@@ -240,8 +259,9 @@ class _Counter:
             self.comm.Barrier()
         return self
 
-    def __exit__(self, *_: Any) -> None:
-        if self.window is not None:
+    def __exit__(self, kind: type[BaseException] | None, *_: Any) -> None:
+        # After a second signal the others need not come here.
+        if self.window is not None and kind is not Terminated:
             self.comm.Barrier()
             self.window.Free()
 

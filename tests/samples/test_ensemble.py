@@ -192,6 +192,21 @@ def test_samples_within_the_work_of_some_processes(store):
     assert all(value(store, t) is not None for t in everyone)
 
 
+def test_a_second_signal_ends_a_process_at_once(store):
+    """It waits for no other, which may never come: the command ends them all."""
+
+    def together(team):
+        signal.raise_signal(signal.SIGTERM)
+        signal.raise_signal(signal.SIGTERM)
+
+    def work(task, comm=MPI.COMM_SELF):
+        together(comm)
+
+    with watching(), pytest.raises(Terminated) as error:
+        run_ensemble((), work, store, COMM, [("classical", 0)], "", False, (), together)
+    assert not error.value.together
+
+
 def test_the_first_process_does_other_work_meanwhile():
     """It takes no turn where there are others, and what it raises reaches all at the end."""
     began = []
