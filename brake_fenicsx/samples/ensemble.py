@@ -101,37 +101,28 @@ def _run(
     beside: Sequence[Callable[[], T]],
     together: Callable[[MPI.Comm], Sequence[Callable[[], T]]] | None,
 ) -> list[T]:
-    """Compute the samples, each on the process that takes it next; large ones come first.
-
-    Those that are left over when every process has had as many come before all others, each shared
-    by two processes, unless the other samples keep all processes busy.
-    """
+    """Compute the samples, each on the process that takes it next; large ones come first."""
     count = len(wanted) + len(beside)
     if 0 < large < count:
         logger.info("%s: the first %d of %d may take longer", what, large, count)
-    left_over = large % comm.size
-    paired = paired and len(wanted) - large < AS_LONG * (comm.size - left_over)
-    shared = min(left_over, (comm.size - (together is not None)) // 2) if paired else 0
+    begin, shared = _begin_with(wanted, large, comm, paired, together is not None)
+    begun = len(begin) - shared
+    wanted = wanted[begun:]
     # The last processes begin with a long sample: the first one has the log.
     last = comm.size - 1 - comm.rank
-    first, wanted, pair = wanted[:shared], wanted[shared:], last // 2
-    busy = 2 * shared + min(large - shared, comm.size - 1 - 2 * shared)
-    # Beside work together a long sample of its own, however soon the others are done.
-    alone = busy - 2 * shared if together else 0
-    own, wanted, begun = wanted[:alone], wanted[alone:], shared + alone
     defect: BaseException | None = None
     made: dict[tuple[bool, int], T] = {}
-    with _Counter(comm) as counter, finishing(), _Team(comm, busy if together else 0) as team:
-        two = comm.Split(min(pair, shared), comm.rank) if shared else MPI.COMM_NULL
+    with _Counter(comm) as counter, finishing(), _Team(comm, len(begin) if together else 0) as team:
+        pair = last // 2 if last < 2 * shared else comm.size + last
+        own = comm.Split(pair, comm.rank) if shared else MPI.COMM_SELF
         try:
             if together is not None and not team.busy:
                 made |= {(False, i): one for i, one in team.work(together)}
             progress = Progress(what, large, count - large, processes=comm.size)
-            if pair < shared:
-                compute_sample(first[pair], partial(work, comm=two), store, two.rank == 0)
-                progress.advance(shared)
-            elif own and last < busy:
-                compute_sample(own[last - 2 * shared], work, store)
+            for task in begin[last : last + 1]:
+                mine = work if own.size == 1 else partial(work, comm=own)
+                compute_sample(task, mine, store, own.rank == 0)
+                progress.advance(begun)
             while (i := counter.next()) < len(wanted) + len(beside):
                 if i < len(wanted):
                     compute_sample(wanted[i], work, store)
@@ -145,6 +136,23 @@ def _run(
         team.ready()
         stopped = ending(comm)
     return _of_all(made, defect, stopped, comm)
+
+
+def _begin_with(
+    wanted: Sequence[Task], large: int, comm: MPI.Comm, paired: bool, together: bool
+) -> tuple[list[Task], int]:
+    """What each process begins with, the last one first, and how many samples two share.
+
+    Long samples that are left over when every process has had as many come before all others, each
+    shared by two processes, unless the other samples keep all processes busy. Beside work together
+    each of the other long ones has its process, however soon that work is done.
+    """
+    left_over = large % comm.size
+    paired = paired and len(wanted) - large < AS_LONG * (comm.size - left_over)
+    shared = min(left_over, (comm.size - together) // 2) if paired else 0
+    alone = min(large - shared, comm.size - 1 - 2 * shared) if together else 0
+    twice = [task for task in wanted[:shared] for _ in range(2)]
+    return [*twice, *wanted[shared : shared + alone]], shared
 
 
 def _of_the_run(error: BaseException) -> BaseException:
