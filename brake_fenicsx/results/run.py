@@ -19,7 +19,7 @@ from brake_fenicsx.folder.store import PREPARED, Store
 
 from . import driver_tables, sample_blocks
 from .squeal import Family, SquealTable
-from .stored import StoredSamples
+from .stored import StoredModes, StoredSamples
 from .tables import Columns
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ Arrays = dict[str, AnyArray]
 # Names of approaches as a person reads them, the simplest first.
 APPROACHES = {n: n.capitalize() for n in ("classical", "parametric", "multi-scale", "joint")}
 SMOOTH = "Smooth contact"  # the approach "multi-scale" of a scene without roughness
-PART = 2**18  # modes whose errors are computed together
 # Files of tables that need more than the samples: the brake, lines of a sweep, resampling.
 CONTACT, SWEEP, CAUSES = "contact.npz", "sweep.npz", "causes.npz"
 # of every surface, scanned or given by numbers
@@ -170,12 +169,11 @@ def eigenvalue_errors(modes: Columns) -> Array:
     """Error estimates of the eigenvalues of a table over |lambda|; nan of rigid modes."""
     from brake_fenicsx.stability.modes import relative_errors
 
-    real, f, error = (modes[name] for name in ("real_1_s", "frequency_hz", "error_estimate"))
-    out = np.empty(len(f))
-    for i in range(0, len(f), PART):
-        part = slice(i, i + PART)
-        out[part] = relative_errors(real[part] + 2j * np.pi * f[part], error[part])
-    return out
+    names = "real_1_s", "frequency_hz", "error_estimate"
+    parts = modes.parts(*names) if isinstance(modes, StoredModes) else [modes]
+    each = ([np.asarray(part[name], float) for name in names] for part in parts)
+    found = [relative_errors(real + 2j * np.pi * f, error) for real, f, error in each]
+    return np.concatenate([np.zeros(0), *found])
 
 
 def sort_approaches(names: set[str]) -> list[str]:

@@ -18,7 +18,7 @@ import numpy as np
 from brake_fenicsx.arguments import AnyArray, Array, Index, Ints, Mask
 
 from .ensemble_statistics import Proportion, wilson
-from .tables import MODES, TEXTS, Columns
+from .tables import MODES, TEXTS, Columns, rows_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -168,7 +168,8 @@ class SquealTable:
         """Which rows of modes.csv are modes of samples that ended well, shape (modes,)."""
 
         def chosen() -> Mask:
-            good, sample = self.good(approach), np.asarray(self._modes["sample"], dtype=np.int64)
+            good, sample = self.good(approach), np.asarray(self._modes["sample"])
+            sample = sample if sample.dtype.kind == "i" else sample.astype(np.int64)
             known = np.zeros(1 + max(sample.max(initial=0), good.max(initial=0)), dtype=bool)
             known[good] = True
             return known[sample] & np.asarray(self._modes["approach"] == approach)
@@ -179,8 +180,7 @@ class SquealTable:
         """All modes of the samples that ended well, with the columns of modes.csv."""
         import pandas as pd
 
-        rows = self.of_good(approach)
-        return pd.DataFrame({n: self._modes[n][rows] for n in self._modes})
+        return pd.DataFrame(rows_of(self._modes, np.flatnonzero(self.of_good(approach))))
 
     def squeal_modes(self, approach: str, family: int | None = None) -> pd.DataFrame:
         """Modes that squeal, with the column ``key`` of their family beside those of modes.csv.
@@ -194,7 +194,7 @@ class SquealTable:
             import pandas as pd
 
             rows = np.flatnonzero(self.of_good(approach) & squeals(self._modes, self.threshold))
-            modes = pd.DataFrame({n: self._modes[n][rows] for n in self._modes})
+            modes = pd.DataFrame(rows_of(self._modes, rows))
             band = -1 - (modes.frequency_hz // WIDTH).astype(int)
             return modes.assign(key=modes.family.where(modes.family >= 0, band).astype(int))
 

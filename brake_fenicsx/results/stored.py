@@ -7,21 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.arguments import AnyArray, Array, Complex
+from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 
 from .families import ModeFamilies
 from .sample_blocks import SampleBlock, StoredBlocks, Tabulation
 from .tables import MODES, TEXTS, Columns, Value, as_array, ma
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Data = dict[str, Any]
 
@@ -202,10 +199,22 @@ class StoredModes(Mapping[str, Any]):
         """Number of modes of all samples."""
         return sum(int(block.sizes("s").sum()) for block in self._blocks if "s" in block)
 
-    def parts(self) -> Iterator[Columns]:
-        """Columns of each block that has modes; masked values are empty cells."""
+    def parts(self, *names: str) -> Iterator[Columns]:
+        """Columns of each block that has modes, by default all; masked values are empty cells."""
         for columns in self._columns():
-            yield {name: columns[name]() for name in self._names}
+            yield {name: columns[name]() for name in names or self._names}
+
+    def rows_of(self, which: Index) -> dict[str, Any]:
+        """Some rows, by ascending number, of all columns: none of these is put together whole."""
+        parts: dict[str, list[Any]] = {name: [] for name in self._names}
+        first = 0
+        for columns in self._columns():
+            last = first + len(columns["mode"]())
+            here = which[slice(*np.searchsorted(which, (first, last)))] - first
+            for name, part in parts.items():
+                part.append(self._compact(columns[name]()[here]))
+            first = last
+        return {name: self._joined(name, part) for name, part in parts.items()}
 
     def _columns(self) -> Iterator[dict[str, Callable[[], Any]]]:
         for block, numbers in zip(self._blocks, self.families, strict=True):
@@ -217,16 +226,38 @@ class StoredModes(Mapping[str, Any]):
             raise KeyError(name)
         if name in self._kept:
             return self._kept[name]
-        parts = [columns[name]() for columns in self._columns()]
-        if len(self._blocks) > 1 and parts and parts[0].dtype.kind == "U":
-            return _categories(parts)
-        whole = ma.concatenate(parts) if parts else as_array([], name in TEXTS)
-        if whole.dtype.kind in "iu" and not ma.getmaskarray(whole).any():
-            whole = ma.getdata(whole)
-        elif isinstance(whole, ma.MaskedArray):
-            whole = whole.astype(float).filled(np.nan) if whole.dtype.kind in "iuf" else whole.data
+        parts = [self._compact(columns[name]()) for columns in self._columns()]
+        whole = self._joined(name, parts)
         if len(self._blocks) == 1:
             self._kept[name] = whole
+        return whole
+
+    def _compact(self, part: Any) -> Any:
+        """A column of a block; texts as numbers of categories, where there are several blocks."""
+        if len(self._blocks) == 1 or part.dtype.kind != "U":
+            return part
+        import pandas as pd
+
+        return pd.Categorical(part)
+
+    def _joined(self, name: str, parts: list[Any]) -> Any:
+        """A column of those of all blocks: floats are double, and empty cells nan."""
+        if not parts:
+            return as_array([], name in TEXTS)
+        kind = parts[0].dtype.kind
+        if kind == "O":
+            from pandas.api.types import union_categoricals
+
+            return union_categoricals(parts)
+        empty = any(ma.getmaskarray(p).any() for p in parts if isinstance(p, ma.MaskedArray))
+        if kind not in "iuf" or (kind in "iu" and not empty):
+            return np.concatenate([ma.getdata(part) for part in parts])
+        whole = np.empty(sum(map(len, parts)))
+        ends = np.cumsum([len(part) for part in parts])
+        for part, end in zip(parts, ends, strict=True):
+            here = whole[end - len(part) : end]
+            here[:] = ma.getdata(part)
+            here[ma.getmaskarray(part)] = np.nan
         return whole
 
     def __iter__(self) -> Iterator[str]:
@@ -234,13 +265,6 @@ class StoredModes(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self._names)
-
-
-def _categories(parts: list[AnyArray]) -> pd.Categorical:
-    import pandas as pd
-    from pandas.api.types import union_categoricals
-
-    return union_categoricals([pd.Categorical(part) for part in parts])
 
 
 def _mode_columns(
@@ -266,7 +290,8 @@ def _mode_columns(
         )
 
     def stored(name: str) -> Callable[[], AnyArray]:
-        return lambda: block.column(name)
+        # A view would hold all the pages of its file that were read.
+        return lambda: block.column(name).copy()
 
     return {
         "approach": lambda: np.repeat(approaches, sizes),

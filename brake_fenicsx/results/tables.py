@@ -121,9 +121,10 @@ def rows_of(table: Columns, which: Any) -> Columns:
 
     Args:
         table: its columns.
-        which: mask, numbers or slice of the rows.
+        which: mask, numbers or slice of the rows; ascending numbers of a table of stored modes.
     """
-    return {name: column[which] for name, column in table.items()}
+    stored = getattr(table, "rows_of", None)
+    return stored(which) if stored else {name: column[which] for name, column in table.items()}
 
 
 def text_table(columns: Sequence[str], rows: Iterable[Sequence[Value]]) -> str:
