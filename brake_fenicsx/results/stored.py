@@ -207,14 +207,16 @@ class StoredModes(Mapping[str, Any]):
     def rows_of(self, which: Index) -> dict[str, Any]:
         """Some rows, by ascending number, of all columns: none of these is put together whole."""
         parts: dict[str, list[Any]] = {name: [] for name in self._names}
-        first = 0
+        first, empty = 0, set[str]()
         for columns in self._columns():
             last = first + len(columns["mode"]())
             here = which[slice(*np.searchsorted(which, (first, last)))] - first
             for name, part in parts.items():
-                part.append(self._compact(columns[name]()[here]))
+                whole = columns[name]()
+                empty |= {name} if _has_empty(whole) else set()
+                part.append(self._compact(whole[here]))
             first = last
-        return {name: self._joined(name, part) for name, part in parts.items()}
+        return {name: self._joined(name, part, name in empty) for name, part in parts.items()}
 
     def _columns(self) -> Iterator[dict[str, Callable[[], Any]]]:
         for block, numbers in zip(self._blocks, self.families, strict=True):
@@ -227,7 +229,7 @@ class StoredModes(Mapping[str, Any]):
         if name in self._kept:
             return self._kept[name]
         parts = [self._compact(columns[name]()) for columns in self._columns()]
-        whole = self._joined(name, parts)
+        whole = self._joined(name, parts, any(map(_has_empty, parts)))
         if len(self._blocks) == 1:
             self._kept[name] = whole
         return whole
@@ -240,8 +242,8 @@ class StoredModes(Mapping[str, Any]):
 
         return pd.Categorical(part)
 
-    def _joined(self, name: str, parts: list[Any]) -> Any:
-        """A column of those of all blocks: floats are double, and empty cells nan."""
+    def _joined(self, name: str, parts: list[Any], empty: bool) -> Any:
+        """A column of those of all blocks: floats are double, and empty cells nan, if any are."""
         if not parts:
             return as_array([], name in TEXTS)
         kind = parts[0].dtype.kind
@@ -249,7 +251,6 @@ class StoredModes(Mapping[str, Any]):
             from pandas.api.types import union_categoricals
 
             return union_categoricals(parts)
-        empty = any(ma.getmaskarray(p).any() for p in parts if isinstance(p, ma.MaskedArray))
         if kind not in "iuf" or (kind in "iu" and not empty):
             return np.concatenate([ma.getdata(part) for part in parts])
         whole = np.empty(sum(map(len, parts)))
@@ -265,6 +266,10 @@ class StoredModes(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self._names)
+
+
+def _has_empty(part: Any) -> bool:
+    return isinstance(part, ma.MaskedArray) and bool(ma.getmaskarray(part).any())
 
 
 def _mode_columns(

@@ -65,6 +65,10 @@ def tables(store, tabulate, tasks=TASKS):
         column = np.asarray(stored.modes[name])
         wanted = np.array([np.nan if v is None else v for v in values])
         assert np.array_equal(column, wanted, equal_nan=column.dtype.kind == "f")
+        for some in (np.arange(0, column.size, 3), np.arange(0)):
+            chosen = np.asarray(stored.modes.rows_of(some)[name])
+            assert chosen.dtype.kind == column.dtype.kind
+            assert np.array_equal(chosen, column[some], equal_nan=column.dtype.kind == "f")
     heads, rows = [*stored.rows], [*map(list, zip(*stored.rows.values(), strict=True))]
     forces = {name: values.tolist() for name, values in stored.forces().items()}
     vectors = np.array(stored.members.vectors)
