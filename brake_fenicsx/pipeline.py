@@ -315,19 +315,18 @@ def mechanics(this: Run, surfaces: Surfaces, library: LawLibrary | None, brake: 
 
     study, drawn = make_study(this, surfaces, library, brake), "report" in this.scene.stages
     extras = [extra for extra in named(this.scene) if extra.stage]
-    if drawn and this.whole and study.few and not extras and this.scene.sweep is None:
-        with this.stage("pictures"):
-            draw_beside(this, study, lambda: tables_of_samples(this, study))
-        return
-    first = tables_of_samples(this, study)
-    if first is None:
-        return
+    first: First | None = None
+    all_share = extras or this.scene.sweep is not None
+    if all_share or not (drawn and this.whole and study.few):
+        first = tables_of_samples(this, study)
+        if first is None:
+            return
     for extra in extras:
         with this.stage(extra.name):
             save_stage(this.store, extra.name, load(extra.stage)(this, study) or {})
     if drawn:
         with this.stage("pictures"):
-            draw_beside(this, study, lambda: first)
+            draw_beside(this, study, first)
     elif study.verify:
         with this.stage("verification"):
             study.verified_beside(())
@@ -378,14 +377,15 @@ def _results(this: Run, study: Study, sweep: SweepStudy | None) -> First:
     return first
 
 
-def draw_beside(this: Run, study: Study, tables: Callable[[], First | None]) -> None:
-    """Samples of the verification, and beside them the tables, pictures and figures of the page.
+def draw_beside(this: Run, study: Study, first: First | None) -> None:
+    """Samples of the verification, and beside them the pictures and figures of the page.
 
     Args:
         this: the run.
         study: its samples.
-        tables: gives what came of the tables; called by the processes that verify nothing, of which
-            run and study are meanwhile.
+        first: what ``tables_of_samples`` gave; None where it is to be called, too, beside the
+            samples of the verification. While it is, run and study have the communicator of the
+            other processes alone.
     """
     from brake_fenicsx.report.mode_cards import ModeShape
     from brake_fenicsx.report.mode_fields import contact_faces, prepare_shapes, write_shapes
@@ -397,11 +397,11 @@ def draw_beside(this: Run, study: Study, tables: Callable[[], First | None]) -> 
         """Tables, first page, fields and shapes of modes, and the works that draw."""
         this.comm = study.comm = team
         try:
-            first = tables() or {}
+            good = (tables_of_samples(this, study) or {}) if first is None else first
         finally:
             this.comm = study.comm = comm
         processes.on_first(this.write_summary, team)  # which pages and figures read
-        found = prepare_shapes(study, first, faces, this.pictures, team)
+        found = prepare_shapes(study, good, faces, this.pictures, team)
         lost.extend(found.lost)
         if team.rank == 0:
             # Verification and pictures take longer than all samples do: nobody waits for them.

@@ -55,7 +55,7 @@ class Run:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Log and time a stage; what stages within it take is theirs."""
+        """Log and time a stage, without the seconds of stages within it."""
         title = STAGES.get(name, name)
         logger.info("%s ...", title)
         start, before = time.perf_counter(), sum(self.seconds.values())

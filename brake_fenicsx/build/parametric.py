@@ -57,7 +57,7 @@ class ParametricBrake(Brake):
 
     @property
     def layers(self) -> list[str]:
-        """Names of what ``layer_mass`` knows."""
+        """Names of all layers, and of bodies given by matrices."""
         return list(self.materials | self.elastic.masses)
 
     def layer_mass(self, name: str) -> sp.csr_matrix:

@@ -214,7 +214,7 @@ def limited(seconds: float | None, comm: MPI.Comm) -> Iterator[None]:
 
 @contextmanager
 def finishing() -> Iterator[None]:
-    """A block that looks at ``asked`` by itself; one within another leaves its end to that."""
+    """A block that looks at ``asked`` by itself; what is asked within it holds for an outer one."""
     before, _State.finishing = _State.finishing, True
     try:
         yield

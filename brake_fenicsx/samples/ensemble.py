@@ -63,7 +63,7 @@ def run_ensemble(
         beside: other work, which fills the time of processes that have no sample left.
         together: called before that by all processes but the last, which begin with a long sample
             each; gives more work, for the processes that called it. Is given their communicator.
-            The other work may need what it leaves: no process begins that before.
+            Work beside the samples may read what it writes, and begins after it.
 
     Returns:
         What came of the work, first of ``together``, then beside, in its order, on every process.
@@ -113,8 +113,9 @@ def _run(
     defect: BaseException | None = None
     made: dict[tuple[bool, int], T] = {}
     with _Counter(comm) as counter, finishing(), _Team(comm, len(begin) if together else 0) as team:
-        pair = last // 2 if last < 2 * shared else comm.size + last
-        own = comm.Split(pair, comm.rank) if shared else MPI.COMM_SELF
+        # Two processes that share a sample have one number, every other one its own.
+        number = last // 2 if last < 2 * shared else comm.size + last
+        own = comm.Split(number, comm.rank) if shared else MPI.COMM_SELF
         try:
             if together is not None and not team.busy:
                 made |= {(False, i): one for i, one in team.work(together)}
@@ -156,11 +157,11 @@ def _begin_with(
 
 
 def _of_the_run(error: BaseException) -> BaseException:
-    """What ends all processes of the run, each where it has finished its work.
+    """The error, where it ends all processes together, each after its work at hand.
 
     Raises:
-        Terminated: by a second signal, of this process alone. It waits for no other: who catches it
-            ends them all.
+        Terminated: the error itself, where it is a second signal: this process waits for no other,
+            and the command ends them all.
     """
     if isinstance(error, Terminated) and not error.together:
         raise error
@@ -201,7 +202,7 @@ def compute_sample(task: Task, work: Work, store: Store, keep: bool = True) -> N
 
 
 class _Team:
-    """Processes without a long sample: what they do first, which the others hear of.
+    """Processes that do not begin with a long sample, and their message that ``together`` is done.
 
     Attributes:
         busy: whether this process begins with a long sample.
@@ -226,7 +227,7 @@ class _Team:
     def work(
         self, together: Callable[[MPI.Comm], Sequence[Callable[[], T]]]
     ) -> Iterator[tuple[int, T]]:
-        """Numbers and results of the works of this process that it gives; collective."""
+        """Call ``together`` and do its works: number and result of those of this process."""
         more: Sequence[Callable[[], T]] = ()
         failed: BaseException | None = None
         try:
@@ -242,7 +243,7 @@ class _Team:
             yield i, more[i]()
 
     def ready(self) -> bool:
-        """Whether what ``together`` leaves is there; a busy process waits for it at first."""
+        """Whether ``together`` succeeded; a busy process waits for the message the first time."""
         if self._ready is None:
             self._ready = self._comm.recv(source=0)
         return bool(self._ready)

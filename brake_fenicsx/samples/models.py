@@ -202,7 +202,7 @@ def reference_shapes(
 def _kept(
     store: Store, file: str, make: Callable[[], Arrays], comm: MPI.Comm, mark: str = ""
 ) -> Arrays:
-    """Arrays of a file that has this mark, made and kept where there is none; all collective."""
+    """Arrays of a file with this mark, made and kept where it is missing; collective like make."""
 
     def there() -> Arrays | None:
         arrays = store.load(file)

@@ -137,10 +137,10 @@ class Study(OfOneProcess):
 
     @property
     def few(self) -> bool:
-        """Whether some processes compute all samples while others verify one at full order."""
+        """Whether all samples take less time than one at full order, without its processes."""
         reduced, free = self.models.reduction.by_reduction, self.comm.size - len(self.verify)
-        few = len(self.tasks) <= ensemble.AS_LONG * free
-        return bool(self.verify) and few and all(reduced[name] for name, _ in self.tasks)
+        soon = len(self.tasks) <= ensemble.AS_LONG * free
+        return bool(self.verify) and soon and all(reduced[name] for name, _ in self.tasks)
 
     @property
     def _paired(self) -> bool:

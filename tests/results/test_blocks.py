@@ -7,6 +7,7 @@ from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.results import sample_blocks as blocks
 from brake_fenicsx.results.output import sample_facts
+from brake_fenicsx.results.run import eigenvalue_errors
 from brake_fenicsx.results.sample_blocks import SampleBlock, Tabulation
 from brake_fenicsx.results.stored import StoredSamples
 
@@ -69,6 +70,8 @@ def tables(store, tabulate, tasks=TASKS):
             chosen = np.asarray(stored.modes.rows_of(some)[name])
             assert chosen.dtype.kind == column.dtype.kind
             assert np.array_equal(chosen, column[some], equal_nan=column.dtype.kind == "f")
+    whole = eigenvalue_errors({name: np.asarray(stored.modes[name]) for name in modes})
+    assert np.array_equal(eigenvalue_errors(stored.modes), whole, equal_nan=True)
     heads, rows = [*stored.rows], [*map(list, zip(*stored.rows.values(), strict=True))]
     forces = {name: values.tolist() for name, values in stored.forces().items()}
     vectors = np.array(stored.members.vectors)
