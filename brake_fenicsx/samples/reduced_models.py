@@ -164,7 +164,9 @@ class ReducedModels(OfOneProcess):
     ) -> dict[str, str | float]:
         """Say before the samples where their modes will miss the tolerance; for the summary too."""
         settings, box = self.settings, self._brake.changes.box
-        lacking = self._comm.bcast(substructures.shortfall(model, usual, settings.tolerance))
+        lacking = self._comm.bcast(
+            substructures.shortfall(model, usual, settings.tolerance, self._comm)
+        )
         if lacking is None:
             return {}
         names = np.array(model.parameters.names)[lacking.wide]

@@ -44,7 +44,14 @@ from ..eigensolvers.symmetric import is_symmetric
 from .contact_rows import SIGMA, Rows, shifted_polynomial
 from .parameters import CONSTANT, InterpolatedCoefficients, Parameters, Powers
 from .polynomials import Polynomial
-from .substructure import SAME_ENTRY, MirrorImage, Substructure, mirror_image, turned_across
+from .substructure import (
+    SAME_ENTRY,
+    MatrixSums,
+    MirrorImage,
+    Substructure,
+    mirror_image,
+    turned_across,
+)
 
 # What the names of a body's arrays begin with.
 BODY = "body"
@@ -150,7 +157,7 @@ class Component:
 
     def polynomial(self, x: Array) -> list[sp.csr_matrix]:
         """P_0, P_1, ... at a point of the box, at full order."""
-        K, C, M = matrices(self.body, self._parameters, x, self._beyond)
+        K, C, M = matrices(self.body, self._parameters, x, self._beyond, self.body.added)
         C = None if C is None else C / self._omega
         return shifted_polynomial(K / self._omega**2, C, M, self._rows)
 
@@ -190,7 +197,11 @@ def interface_at(
 
 
 def matrices(
-    body: Substructure, parameters: Parameters, x: Array, beyond: Array
+    body: Substructure,
+    parameters: Parameters,
+    x: Array,
+    beyond: Array,
+    added: Callable[[Array], sp.csr_matrix],
 ) -> tuple[sp.csr_matrix, sp.csr_matrix | None, sp.csr_matrix]:
     """K [N/m], C [N s/m] and M [kg] of a body at full order at a point of the box.
 
@@ -200,14 +211,20 @@ def matrices(
         x: the point, shape (d,).
         beyond: damping of what the kept modes leave out, see ``Substructure.damping_beyond``. It
             couples nothing with the kept modes, of the same M and the K of the centre of the box.
+        added: the sum of ``Substructure.matrices`` times some factors, of ``Substructure`` or
+            ``MatrixSums``.
     """
-    c = parameters.coefficients(x)
-    C = body.damping(c)
-    if beyond.any():
-        K = body.stiffness(parameters.centre)
-        left_out = beyond[0] * body.M + beyond[1] * K
-        C = left_out if C is None else C + left_out
-    return body.stiffness(c), None if C is None else C.tocsr(), body.mass(c)
+    c, own = parameters.coefficients(x), [*body.changes]
+    K, M, C, *_ = np.eye(3 + len(own))
+    K[3:], M[3:] = c[0, own], c[2, own]
+    C[3:] = c[1, own]
+    if body.C is None:
+        if not beyond.any():
+            return added(K), None, added(M)
+        C[:] = 0.0
+    C[:2] += beyond[[1, 0]]
+    C[3:] += beyond[1] * parameters.centre[0, own]
+    return added(K), added(C), added(M)
 
 
 @dataclass(frozen=True, slots=True)
@@ -382,11 +399,9 @@ class SeenBody:
 
     def _P(self, s: complex) -> sp.csr_matrix:
         """P in units of the band's end. It is made again when it is wanted: it is large."""
-        s = s * self.omega
-        P = self.K + (np.real(s**2) if self.C is None else s**2) * self.M
-        P = (P if self.C is None else P + s * self.C).tocsr()
-        P.data /= self.omega**2
-        return P
+        given = [self.K, self.M, *([] if self.C is None else [self.C])]
+        factors = np.array([self.omega**-2, s**2, s / self.omega][: len(given)])
+        return MatrixSums(given)(factors.real if self.C is None else factors)
 
     def _check(self, s: complex, negative: int) -> None:
         """Whether the stiffness and mass are definite at the shift of the reduced model.

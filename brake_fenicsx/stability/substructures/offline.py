@@ -135,7 +135,7 @@ def reduce_bodies(
     model = made(np.full(parameters.dimension, degrees[0]))
     before: list[tuple[Index, Array]] = []
     while contact is not None:
-        found = comm.bcast(higher(model, contact, tolerance, cost, before))
+        found = comm.bcast(higher(model, contact, tolerance, cost, before, comm))
         if found is None:
             break
         before.append((model.orders, found[1]))
@@ -261,18 +261,26 @@ class Shortfall:
 
 
 def shortfall(
-    model: reduced_model.ReducedModel, contact: ContactLinearisation, tolerance: float
+    model: reduced_model.ReducedModel,
+    contact: ContactLinearisation,
+    tolerance: float,
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Shortfall | None:
     """What a model lacks; None where the tolerance holds at the points asked, or no range is why.
+
+    Collective.
 
     Args:
         model: the model.
         contact: of a typical sample.
         tolerance: wanted relative error of lambda.
+        comm: processes that share the work.
     """
     if not model.parameters.dimension:
         return None
-    errors = _errors(model, contact)
+    if model.asked is None or model.asked[0] is not contact:
+        model.asked = contact, _errors(model, contact, comm)
+    errors = model.asked[1]
     usual = float(np.quantile(errors, 1 - ALLOWED)) if errors.size else 0.0
     if usual <= tolerance:
         return None
@@ -291,8 +299,9 @@ def higher(
     tolerance: float,
     cost: Callable[[Index], tuple[int, int]],
     before: Sequence[tuple[Index, Array]] = (),
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> tuple[Index, Array] | None:
-    """Degrees in each parameter with which the tolerance should hold.
+    """Degrees in each parameter with which the tolerance should hold; collective.
 
     Args:
         model: the model.
@@ -301,12 +310,13 @@ def higher(
         cost: with some degrees, most points of the box where a body is factored, and factors.
         before: degrees of earlier models of the same range, shape (d,), and their errors: what
             each parameter makes, and all together, shape (d + 1,).
+        comm: processes that share the work.
 
     Returns:
         The degrees and the errors of the model, likewise; None where the tolerance holds already,
         or higher degrees cost too much or gain nothing.
     """
-    lacking, orders = shortfall(model, contact, tolerance), model.orders
+    lacking, orders = shortfall(model, contact, tolerance, comm), model.orders
     if lacking is None:
         return None
     errors = np.append(lacking.each, lacking.usual)
@@ -367,14 +377,18 @@ def _gains(orders: Index, errors: Array, before: Sequence[tuple[Index, Array]]) 
     return gains
 
 
-def _errors(model: reduced_model.ReducedModel, contact: ContactLinearisation) -> Array:
+def _errors(
+    model: reduced_model.ReducedModel, contact: ContactLinearisation, comm: MPI.Comm
+) -> Array:
     """Estimated errors of modes over |lambda| at the centre, between anchors and at corners."""
     between = np.resize(BETWEEN, model.parameters.dimension)
-    errors = []
-    for x in (0 * between, between, -between, np.sign(between), -np.sign(between)):
-        modes = model.modes(x, contact)
-        errors.append(relative_errors(modes.s, modes.error))
-    every = np.concatenate(errors)
+    points = 0 * between, between, -between, np.sign(between), -np.sign(between)
+
+    def errors(i: int) -> Array:
+        modes = model.modes(points[i], contact)
+        return relative_errors(modes.s, modes.error)
+
+    every = np.concatenate([*in_turns(len(points), errors, comm)])
     return np.asarray(every[~np.isnan(every)])
 
 

@@ -70,6 +70,7 @@ class ReducedModel:
         parameters: those that the materials depend on.
         orders: degree of the interpolation in each of them, shape (d,).
         held: static compliances that are held, at so many points of the box.
+        asked: contact of a typical sample, and the errors over the box with it, see ``shortfall``.
         seconds: time of the offline stage [s].
     """
 
@@ -105,6 +106,7 @@ class ReducedModel:
         # Of constant materials, or a few of them, all samples share the compliance.
         self._rest: dict[bytes, tuple[Array, Array, Array]] = {}
         self.held: int = 1
+        self.asked: tuple[ContactLinearisation, Array] | None = None
         # Bodies at rest, each at the last point of its own parameters.
         self._at_last_point: dict[Component, tuple[bytes, AtRest]] = {}
         self._kept: tuple[Array, BlockMatrix] | None = None

@@ -26,7 +26,7 @@ from .contact_rows import SIGMA, Rows
 from .parameters import InterpolatedCoefficients, Parameters, coefficient_counts
 from .polynomials import Polynomial, imaginary_points, lowest_coefficients, real_points
 from .sample_problem import ROUND_OFF
-from .substructure import Substructure
+from .substructure import MatrixSums, Substructure
 
 # The poles of what the kept modes leave out lie beyond this multiple of the square of the band's
 # end, wherever in the box; with shapes beyond almost that, after some attempts, and never below
@@ -119,6 +119,8 @@ class Reduction:
         self._reach = modes.reach
         self._omega, self._comm = omega, comm
         self._beyond = body.damping_beyond(modes.cutoff * omega)
+        # One pattern at all points of the box: it is analysed once.
+        self._sums = MatrixSums(body.matrices)
         self._own = parameters.acting_on(list(body.changes), body.elements.size)
         self._centre_shares = self._shares(np.zeros(self._own.size))
         self._coupled = bool(body.changes) or self._centre_shares is None
@@ -325,7 +327,7 @@ class Reduction:
 
     def _matrices(self, x: Array) -> tuple[sp.csr_matrix, sp.csr_matrix | None, sp.csr_matrix]:
         """K, C and M at a point of the box of all parameters."""
-        return matrices(self._body, self._parameters, x, self._beyond)
+        return matrices(self._body, self._parameters, x, self._beyond, self._sums)
 
     def _check_convergence(self, coefficients: Array, missing: float) -> None:
         """Whether the coefficients fall, as they do without a pole within the band.

@@ -90,9 +90,16 @@ class Substructure:
         """M [kg] under these coefficients."""
         return self._changed(self.M, c[2])
 
-    def damping(self, c: Array) -> sp.csr_matrix | None:
-        """C [N s/m] under these coefficients; None where the body has none."""
-        return None if self.C is None else self._changed(self.C, c[1])
+    @property
+    def matrices(self) -> list[sp.csr_matrix]:
+        """K_0, M_0, C_0 (empty where it has none) and the changes."""
+        C = sp.csr_matrix(self.K.shape) if self.C is None else self.C
+        return [self.K, self.M, C, *self.changes.values()]
+
+    def added(self, factors: Array) -> sp.csr_matrix:
+        """The sum of ``matrices`` times some factors, shape (3 + changes,)."""
+        parts = zip(factors, self.matrices, strict=True)
+        return sum((f * A for f, A in parts if f), sp.csr_matrix(self.K.shape)).tocsr()
 
     def _changed(self, A: sp.csr_matrix, c: Array) -> sp.csr_matrix:
         return sum((c[j] * change for j, change in self.changes.items() if c[j]), A).tocsr()
@@ -163,6 +170,77 @@ class Substructure:
         return cls(arrays["dofs"], arrays["elements"], *matrices, rows, arrays["loads"], changes)
 
 
+class MatrixSums:
+    """Sums of some matrices on one pattern, whatever their factors are.
+
+    SciPy's sum leaves out entries that happen to be zero, such as all those of a matrix whose
+    factor is zero. Each such sum would have a pattern of its own, and a factorisation would analyse
+    it anew. Here the pattern has the places of all entries of all matrices.
+
+    Example:
+        >>> A, B = sp.csr_matrix([[1.0, 0.0], [0.0, 2.0]]), sp.csr_matrix([[0.0, 3.0], [0.0, 0.0]])
+        >>> MatrixSums([A, B])(np.array([1.0, 0.0])).nnz
+        3
+    """
+
+    def __init__(self, matrices: Sequence[sp.csr_matrix]):
+        """Find the places of all entries.
+
+        Args:
+            matrices: of one shape.
+        """
+        self._matrices = [_canonical(A) for A in matrices]
+        first = self._matrices[0]
+        self._places: list[slice | AnyArray] = [slice(None)] * len(matrices)
+        whole = first
+        if not all(_alike(A, first) for A in self._matrices):
+            whole = sum(map(_ones, self._matrices), sp.csr_matrix(first.shape)).tocsr()
+            whole.sort_indices()
+            self._places = self._found(whole)
+        self._pattern, self._shape = (whole.indices, whole.indptr), first.shape
+
+    def __call__(self, factors: AnyArray) -> sp.csr_matrix:
+        """The sum of the matrices times some factors, real or complex, shape (matrices,)."""
+        data: AnyArray = np.zeros(self._pattern[0].size, np.result_type(float, factors))
+        for factor, A, places in zip(factors, self._matrices, self._places, strict=True):
+            if factor:
+                data[places] += factor * A.data
+        return sp.csr_matrix((data, *self._pattern), self._shape)
+
+    def _found(self, whole: sp.csr_matrix) -> list[slice | AnyArray]:
+        """Places of the entries of each matrix among all; one array for matrices alike."""
+        whole.data = np.arange(1.0, whole.nnz + 1)
+        found: list[slice | AnyArray] = []
+        for i, A in enumerate(self._matrices):
+            same = next((j for j in range(i) if _alike(self._matrices[j], A)), None)
+            if same is None:
+                own = _ones(A).multiply(whole).tocsr()
+                own.sort_indices()
+                found.append(own.data.astype(np.int32) - 1)
+            else:
+                found.append(found[same])
+        return found
+
+
+def _canonical(A: sp.csr_matrix) -> sp.csr_matrix:
+    """The matrix with sorted indices, each place once."""
+    if not A.has_canonical_format:
+        A = A.copy()
+        A.sum_duplicates()
+    return A
+
+
+def _alike(A: sp.csr_matrix, B: sp.csr_matrix) -> bool:
+    """Whether two matrices have entries in the same places."""
+    pairs = (A.indptr, B.indptr), (A.indices, B.indices)
+    return all(a is b or np.array_equal(a, b) for a, b in pairs)
+
+
+def _ones(A: sp.csr_matrix) -> sp.csr_matrix:
+    """One in each place of an entry."""
+    return sp.csr_matrix((np.ones(A.nnz), A.indices, A.indptr), A.shape)
+
+
 def split_substructures(
     K: sp.csr_matrix,
     M: sp.csr_matrix,
@@ -189,14 +267,15 @@ def split_substructures(
     """
     square = [K, M, *changes, *([] if C is None else [C])]
     count, label = connected_components(sum(map(abs, square)), directed=False)
-    M = M.copy()
-    # The three components of a displacement share no mass: two thirds of the pattern are zeros.
-    M.eliminate_zeros()
     loads = np.zeros((K.shape[0], 0)) if loads is None else loads
     columns = {name: A.tocsc() for name, A in interface.items()}
 
     def block(A: sp.csr_matrix, dofs: Index) -> sp.csr_matrix:
-        return A[dofs][:, dofs].tocsr()
+        own = A[dofs][:, dofs].tocsr()
+        # The three components of a displacement share no mass, and most C_ij join but two of them:
+        # up to two thirds of the pattern are zeros.
+        own.eliminate_zeros()
+        return own
 
     found = []
     for i in range(count):
@@ -205,10 +284,9 @@ def split_substructures(
         touched = np.sum([np.diff(A.indptr) for A in rows.values()], axis=0)
         elements = np.flatnonzero(touched)
         own = {j: block(A.tocsr(), dofs) for j, A in enumerate(changes)}
-        own = {j: A for j, A in own.items() if A.nnz and abs(A).max() > 0}
+        own = {j: A for j, A in own.items() if A.nnz}
         damping = None if C is None else block(C.tocsr(), dofs)
         if damping is not None:
-            damping.eliminate_zeros()
             # What changes may become damped.
             damping = damping if damping.nnz or own else None
         seen = {name: A[elements] for name, A in rows.items()}
