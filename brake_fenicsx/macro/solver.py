@@ -226,6 +226,10 @@ class BlockProduct:
             C.destroy()
         return out
 
+    def destroy(self) -> None:
+        """Free the copy of the matrix now, see ``Factor``."""
+        self._A.destroy()
+
 
 def dense_matrix(a: Array) -> PETSc.Mat:
     """A matrix of PETSc on the memory of an array whose columns are contiguous."""

@@ -29,7 +29,7 @@ from .numbering import Numbering, dof_places
 from .sampling import SampleInput, friction_of_contact
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
-LAYOUT = 12
+LAYOUT = 13
 
 
 class ReducedModels(OfOneProcess):

@@ -17,7 +17,7 @@ EXTRA = Extra(
             (".bdf", ".nas", ".fem"), (f"{_HERE}.nastran:read_nastran", "by pyNastran")
         ),
     },
-    unread=f"{_HERE}.draft.beside:beside",
+    unread=f"{_HERE}.draft.deck:beside",
     bodies=f"{_HERE}.external_bodies:with_superelements",
     nodes=f"{_HERE}.superelement:set_names",
 )

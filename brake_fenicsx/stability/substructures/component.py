@@ -56,6 +56,9 @@ from .substructure import (
 # What the names of a body's arrays begin with.
 BODY = "body"
 
+# What the names of the arrays begin with by which its kept modes couple, see ``coupling``.
+COUPLING = "coupling."
+
 # Distance of an eigenvalue in kappa below which its kept mode is solved for.
 NEAR = 5e-3
 
@@ -121,14 +124,23 @@ class Component:
         self._own = parameters.acting_on(list(body.changes), body.elements.size)
         degrees = [int(degree) for degree in arrays["degrees"]]
         orders = [int(order) for order in arrays["orders"]]
-        self._coefficients = InterpolatedCoefficients(orders, degrees, arrays)
+        own = {n.removeprefix(COUPLING): a for n, a in arrays.items() if n.startswith(COUPLING)}
+        self._coefficients = InterpolatedCoefficients(orders, degrees, arrays, bool(own))
+        self._coupling = InterpolatedCoefficients(orders, degrees, own) if own else None
         self._still = self._motions(body.interface)
 
     def at(self, x: Array) -> AtPoint:
         """The substructure at a point of the box, shape (d,)."""
         rows = self.interface(x)
         motions = self._still if rows is self.body.interface else self._motions(rows)
-        return AtPoint(self._modal(x), *self._coefficients.at(self.own(x)), *motions)
+        D, errors, growth = self._coefficients.at(own := self.own(x))
+        if self._coupling is not None:
+            # Those of the points that were checked have these already.
+            kept, (step, *_), _ = self._coupling.at(own)
+            places = coupling_places(self.body.elements.size, self._rows, self.W.shape[1])
+            for n, A in enumerate(kept):
+                D[n][places], errors[0][n][places] = A, step[n]
+        return AtPoint(self._modal(x), D, errors, growth, *motions)
 
     def own(self, x: Array) -> Array:
         """Those of the coordinates of a point of the box that the body depends on."""
@@ -172,6 +184,12 @@ class Component:
         K, M = changed(self._K, 0) / self._omega**2, changed(self._M, 2)
         C = changed(self._C[0], 1) / self._omega if len(self._C) else None
         return np.array(shifted_polynomial(K, C, M, self._rows))
+
+
+def coupling_places(elements: int, rows: Rows, modes: int) -> tuple[slice, slice]:
+    """Rows and columns of the kept modes in D of a body with so many contact elements."""
+    first = elements * len(rows.followed), elements * len(rows.acting)
+    return slice(first[0], first[0] + modes), slice(first[1], first[1] + modes)
 
 
 def interface_at(
@@ -366,8 +384,12 @@ class SeenBody:
         """Whether the kept modes couple with what they leave out."""
         return isinstance(self.kept, Products)
 
-    def at(self, s: complex) -> AnyArray:
+    def at(self, s: complex, take: Callable[[Array], None] | None = None) -> AnyArray:
         """[O; W'P] S [I', P W, F] at lambda = s, O the rows that contact forces follow.
+
+        Args:
+            s: lambda in units of the band's end.
+            take: called with S P W, shape (n, modes), where the kept modes are coupled.
 
         Returns:
             Shape (followed rows + kept modes, acting rows + kept modes + loads); without rows and
@@ -385,11 +407,14 @@ class SeenBody:
         if not isinstance(self.kept, Products):
             return self._seen(s, acting, *self._on_modes(s, acting, self.kept + np.real(s**2)))
         symmetric, real = self.C is None or is_symmetric(self.C), self.C is None or not np.imag(s)
-        factor = _Factor(partial(self._P, s), acting, symmetric, real, self.factors)
+        factor = _Factor(partial(self.P, s), acting, symmetric, real, self.factors)
         self._check(s, factor.negative_pivots)
         MW = self.kept.MW
         X = factor.solve(np.hstack([MW, self.loads]))
         met = None if factor.symmetric else factor.solve(MW, True).T @ acting.T
+        if take is not None:
+            by_modes = X[:, : MW.shape[1]]
+            take(self.W - by_modes @ np.linalg.inv(MW.T @ by_modes))
         return self._seen(s, acting, factor.flexibility, acting @ X, MW.T @ X, met)
 
     def destroy(self) -> None:
@@ -397,7 +422,7 @@ class SeenBody:
         while self.factors:
             self.factors.pop().destroy()
 
-    def _P(self, s: complex) -> sp.csr_matrix:
+    def P(self, s: complex) -> sp.csr_matrix:
         """P in units of the band's end. It is made again when it is wanted: it is large."""
         given = [self.K, self.M, *([] if self.C is None else [self.C])]
         factors = np.array([self.omega**-2, s**2, s / self.omega][: len(given)])
@@ -424,7 +449,7 @@ class SeenBody:
         r, m = acting.shape[0], d.size
         rest = sp.csr_matrix(np.vstack([(self.centre @ self.W[:, near]).T, self.loads.T]))
         wide = sp.vstack([acting, rest]).tocsr()
-        factor = interface_factor(self.factors, partial(self._P, s), wide, solves=False)
+        factor = interface_factor(self.factors, partial(self.P, s), wide, solves=False)
         self._check(s, factor.negative_pivots)
         G, pushed = factor.flexibility, self.W.T @ self.loads
         places = np.r_[near, m : m + pushed.shape[1]]
@@ -452,7 +477,7 @@ class SeenBody:
         if self.C is None:
             kept = self.kept.K / self.omega**2 + np.real(s**2) * self.kept.M - H
         else:
-            kept = self.W.T @ (self._P(s) @ self.W) - H
+            kept = self.W.T @ (self.P(s) @ self.W) - H
         return np.block([[D[:, :r], source, D[:, r:]], [lead[:, :r], kept, lead[:, r:]]])
 
 

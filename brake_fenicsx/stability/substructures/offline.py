@@ -103,8 +103,10 @@ def reduce_bodies(
         *in_turns(len(bodies), lambda i: kept_modes(bodies[i], parameters, omega, reach), comm)
     ]
 
+    # Without a sample nothing tells whether it is enough.
+    coarse = contact is not None
     reductions = [
-        Reduction(body, kept, rows, parameters, len(degrees), omega, comm)
+        Reduction(body, kept, rows, parameters, len(degrees), omega, comm, coarse)
         for body, kept in zip(bodies, modes, strict=True)
     ]
 

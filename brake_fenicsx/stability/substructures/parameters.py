@@ -132,22 +132,28 @@ def polynomial_levels(degrees: Sequence[int]) -> dict[tuple[int, ...], int]:
     return dict(sorted(out.items(), key=lambda item: (item[1], item[0])))
 
 
-def coefficient_counts(orders: Sequence[int], degrees: Sequence[int]) -> list[int]:
+def coefficient_counts(
+    orders: Sequence[int], degrees: Sequence[int], coarse: bool = False
+) -> list[int]:
     """How many coefficients are wanted at each anchor and check, see ``InterpolatedCoefficients``.
 
     Args:
         orders: degree of the interpolation of the first coefficient in each parameter.
         degrees: level of the interpolation of each coefficient.
+        coarse: see ``InterpolatedCoefficients``.
     """
-    own, levels = _own_degrees(orders, degrees), polynomial_levels(orders).values()
+    own, levels = _own_degrees(orders, degrees, coarse), polynomial_levels(orders).values()
     checks = [len(own)] * (2 * bool(orders))
     return [sum(level <= degree for degree in own) for level in levels] + checks
 
 
-def _own_degrees(orders: Sequence[int], degrees: Sequence[int]) -> list[int]:
+def _own_degrees(orders: Sequence[int], degrees: Sequence[int], coarse: bool) -> list[int]:
     """A body that has none of the parameters of the highest degree needs fewer levels."""
     less = max(degrees) - max(orders, default=0)
-    return [max(0, n - less) for n in degrees]
+    own = [max(0, n - less) for n in degrees]
+    if coarse:
+        own = [max(min(n, 1), n - 1) for n in own]
+    return own
 
 
 class Interpolation:
@@ -245,10 +251,11 @@ class InterpolatedCoefficients:
     """Coefficients at the anchors of the own parameters of a body, and between them.
 
     Attributes:
+        anchors: number of the anchors.
         points: where they are computed: the anchors, the first at the centre, then the points
             where the interpolation is checked; each of shape (own parameters,).
         counts: how many coefficients each of these points needs.
-        order: numbers of the points, the centre first, those of many coefficients before others.
+        order: numbers of those that need any, the centre first, those of many before others.
     """
 
     def __init__(
@@ -256,6 +263,7 @@ class InterpolatedCoefficients:
         orders: Sequence[int],
         degrees: Sequence[int],
         known: dict[str, AnyArray] | None = None,
+        coarse: bool = False,
     ):
         """Place the points.
 
@@ -264,15 +272,18 @@ class InterpolatedCoefficients:
             degrees: level of the interpolation of each coefficient, not increasing; see
                 ``Interpolation``. The first is the largest of ``orders``, if there are any.
             known: ``arrays`` of an earlier run; None where ``add`` will bring the values.
+            coarse: one level less, through the first of these anchors, as long as one is left.
         """
         dimension = len(orders)
-        self._degrees = _own_degrees(orders, degrees)
+        self._degrees = _own_degrees(orders, degrees, coarse)
         self._box = Interpolation(orders)
         self._ends = [self._box.count(degree) for degree in self._degrees]
         checks = self._box.checks if dimension else ()
+        self.anchors: int = len(self._box.points)
         self.points: list[Array] = [*self._box.points, *checks]
-        self.counts = coefficient_counts(orders, degrees)
-        self.order: list[int] = sorted(range(len(self.points)), key=lambda i: -self.counts[i])
+        self.counts = coefficient_counts(orders, degrees, coarse)
+        needed = (i for i, count in enumerate(self.counts) if count)
+        self.order: list[int] = sorted(needed, key=lambda i: -self.counts[i])
         self._gain: Array = np.zeros(0)
         self._checks: list[Estimate] = []
         self._checked: dict[int, Array] = {}
@@ -315,7 +326,7 @@ class InterpolatedCoefficients:
             return centre
         gain, checks = np.zeros(len(self._degrees)), []
         for i, found in sorted(self._checked.items()):
-            D, step = self._interpolated(self.points[i])
+            D, step = self.interpolated(self.points[i])
             error = [A - B for A, B in zip(found, D, strict=True)]
             size, last, whole = (
                 np.array([la.norm(A.astype(float)) for A in every])
@@ -339,13 +350,13 @@ class InterpolatedCoefficients:
         """
         if not own.size:
             return self._centre, [], 1.0
-        D, step = self._interpolated(own)
+        D, step = self.interpolated(own)
         # One degree more gains about what it gains at the points that were checked.
         step *= self._gain[:, None, None].astype(step.dtype)
         return D, [step.astype(np.float32, copy=False), *self._checks], self._box.growth(own)
 
-    def _interpolated(self, own: Array) -> tuple[Powers, AnyArray]:
-        """Coefficients, and the step from one degree lower."""
+    def interpolated(self, own: Array) -> tuple[Powers, AnyArray]:
+        """Coefficients at a point of the own parameters, and the step from one degree lower."""
         D = [np.empty_like(coefficient) for coefficient in self._centre]
         step = np.empty((len(D), *D[0].shape), self._precision)
         for n, (changes, degree) in enumerate(zip(self._changes, self._degrees, strict=True)):

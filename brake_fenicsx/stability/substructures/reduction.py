@@ -1,7 +1,8 @@
 """Offline stage of one substructure: kept modes, projected matrices, values at the anchors."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from mpi4py import MPI
 
@@ -21,10 +22,20 @@ from ..eigensolvers.symmetric import (
     factor_near,
     modes_not_counted,
 )
-from .component import Complement, Products, SeenBody, interface_at, matrices, near_modes
+from .component import (
+    COUPLING,
+    Complement,
+    Products,
+    SeenBody,
+    coupling_places,
+    interface_at,
+    matrices,
+    near_modes,
+)
 from .contact_rows import SIGMA, Rows
+from .coupling import Coupling, wanted_coefficients
 from .parameters import InterpolatedCoefficients, Parameters, coefficient_counts
-from .polynomials import Polynomial, imaginary_points, lowest_coefficients, real_points
+from .polynomials import Polynomial, imaginary_points, real_points
 from .sample_problem import ROUND_OFF
 from .substructure import MatrixSums, Substructure
 
@@ -38,6 +49,10 @@ POLES, ALMOST, NEAREST, ATTEMPTS = 3.3, 0.95, 1.3, 4
 # one hides all others, and the second is taken. Blocks are small: a body has at most six modes at
 # zero.
 AMID, BESIDE, BLOCK = 0.5, 0.499, 12
+
+# Errors of fewer levels at corners of a box over those that the points which are checked foresee:
+# up to twice on two blocks with two moduli.
+CAUTION = 3.0
 
 # Damping is a combination of mass and stiffness up to this share of it.
 PROPORTIONAL = 1e-10
@@ -73,6 +88,7 @@ class FactorPlan:
         points: of the frequency, lambda in units of the band's end, at each point of the box:
             number -> shape (factors,), in the order of the work.
         shares: alpha and beta of its damping there, see ``proportional``.
+        coupling: of the kept modes, where it takes more levels than all else.
         degrees: level of the interpolation of each coefficient, see ``Interpolation``.
         orders: degree of the first coefficient in each parameter of the body.
     """
@@ -80,6 +96,7 @@ class FactorPlan:
     coefficients: InterpolatedCoefficients
     points: dict[int, AnyArray]
     shares: list[tuple[float, float] | None]
+    coupling: Coupling | None
     degrees: Sequence[int]
     orders: Index
 
@@ -101,6 +118,7 @@ class Reduction:
         terms: int,
         omega: float,
         comm: MPI.Comm,
+        coarse: bool = False,
     ):
         """Plan it.
 
@@ -112,6 +130,8 @@ class Reduction:
             terms: number of coefficients in powers of w.
             omega: end of the band [rad/s].
             comm: processes that share the work.
+            coarse: whether fewer factors are enough for all but the coupling of the kept modes, as
+                they are in rough contact; of an undamped body of a constant shape.
         """
         self._body, self._W, self._kappa = body, modes.W, modes.kappa
         self._grams = [self._W.T @ (A @ self._W) for A in (body.K, body.M, *body.changes.values())]
@@ -124,6 +144,9 @@ class Reduction:
         self._own = parameters.acting_on(list(body.changes), body.elements.size)
         self._centre_shares = self._shares(np.zeros(self._own.size))
         self._coupled = bool(body.changes) or self._centre_shares is None
+        same = not np.isin(self._own, [*parameters.shapes, *parameters.sliding]).any()
+        able = same and self._coupled and not rows.damped and self._own.size > 0
+        self._coarse = coarse and bool(able)
         self._centre = body.mass(parameters.centre)
         self._MW = self._centre @ modes.W if self._coupled else None
         # Of an undamped body the coefficients in powers of lambda are those in powers of kappa.
@@ -137,8 +160,9 @@ class Reduction:
 
     def cost(self, degrees: Sequence[int], orders: Index) -> tuple[int, int]:
         """Points of the box where the body is factored, and about its factors; as ``plan``."""
-        counts = coefficient_counts([int(n) for n in orders[self._own]], degrees)
-        return len(counts), sum(len(self._frequencies(n, self._centre_shares)) for n in counts)
+        counts = coefficient_counts([int(n) for n in orders[self._own]], degrees, self._coarse)
+        factors = [len(self._frequencies(n, self._centre_shares)) for n in counts if n]
+        return len(factors), sum(factors)
 
     def plan(self, degrees: Sequence[int], orders: Index) -> FactorPlan:
         """Where the body is factored; collective.
@@ -151,14 +175,36 @@ class Reduction:
             orders: degree of the first coefficient in each parameter, shape (d,).
         """
         own = orders[self._own]
-        placed = InterpolatedCoefficients([int(n) for n in own], degrees)
-        softest = self._comm.bcast(int(np.argmin([self._softness(x) for x in placed.points])))
+        placed = InterpolatedCoefficients([int(n) for n in own], degrees, coarse=self._coarse)
+        softness = [self._softness(placed.points[i]) for i in placed.order]
+        softest = self._comm.bcast(placed.order[int(np.argmin(softness))])
         shares = [
             *in_turns(len(placed.points), lambda i: self._shares(placed.points[i]), self._comm)
         ]
         counts = {i: placed.counts[i] if i != softest else len(degrees) for i in placed.order}
         points = {i: self._frequencies(n, shares[i]) for i, n in counts.items()}
-        return FactorPlan(placed, points, shares, degrees, own)
+        coupling = self._coupling(degrees, [int(n) for n in own], points) if self._coarse else None
+        return FactorPlan(placed, points, shares, coupling, degrees, own)
+
+    def _coupling(
+        self, degrees: Sequence[int], orders: Sequence[int], points: Mapping[int, AnyArray]
+    ) -> Coupling:
+        """How the kept modes couple, by the factors of a plan."""
+        fine, coarse = (
+            InterpolatedCoefficients(orders, degrees, coarse=coarse) for coarse in (False, True)
+        )
+
+        def through(s: AnyArray) -> Array:
+            # The end of the band measures what polynomials lack.
+            return self._w(s)[: self._polynomial.count]
+
+        wanted = {i: through(self._frequencies(fine.counts[i], (0.0, 0.0))) for i in fine.order}
+        factored = {i: through(s) for i, s in points.items()}
+        return Coupling(fine, coarse, wanted, factored, self._polynomial, self._comm)
+
+    def _w(self, s: AnyArray) -> Array:
+        """Frequencies w of an undamped body at lambda, in units of the band's end."""
+        return np.asarray(SIGMA - np.real(s**2))
 
     def _shares(self, own: Array) -> tuple[float, float] | None:
         """Alpha and beta of the damping at a point of the box, see ``proportional``."""
@@ -189,13 +235,16 @@ class Reduction:
             InaccurateResult: the body has no positive definite stiffness somewhere in the box, or
                 it is damped too strongly for polynomials in the frequency.
         """
-        body, W, comm = self._body, self._W, self._comm
         missing: Array = np.zeros(0)
         largest, interpolated = 0.0, plan.coefficients
+        X = coupling_places(self._body.elements.size, self._rows, self._W.shape[1])
         for i, values in self._values(plan, progress):
+            if plan.coupling:
+                plan.coupling.found(i, [value[X] for value in values])
             if not self._rows.damped and len(values) < self._polynomial.count:
-                w = SIGMA - np.real(plan.points[i] ** 2)
-                interpolated.add(i, lowest_coefficients(w, values, interpolated.beyond(i)))
+                w = self._w(plan.points[i])
+                few = wanted_coefficients(interpolated, i, w, values, self._polynomial)
+                interpolated.add(i, few)
                 continue
             coefficients = np.empty((self._polynomial.count, *values[-1].shape))
             # Some rows at a time: no second copy of all values.
@@ -210,25 +259,36 @@ class Reduction:
                 missing = rest
             largest = max(largest, size)
             interpolated.add(i, coefficients[: interpolated.counts[i]])
-        if comm.rank > 0:
+        coupled = plan.coupling.arrays(self._W, self._P) if plan.coupling else {}
+        if self._comm.rank > 0:
             return {}
         held = interpolated.arrays()
+        if coupled:
+            for name in ("checks", "gain"):
+                held[name] *= CAUTION
+            held["checks"][(..., *X)] = coupled["checks"]
+            held |= {COUPLING + name: a for name, a in coupled.items()}
         held["D"] = held["D"].copy()  # or all coefficients would be held with it
         # Elsewhere in the box the polynomials may lack more.
         missing *= largest / max(float(np.linalg.norm(missing)), 1e-300)
+        return {
+            **self._body.arrays(), **held, "W": self._W, "kappa": self._kappa,
+            "beyond": self._beyond, "coupled": np.array(self._coupled), "points": self._points,
+            "missing": missing.astype(np.float32),
+            "reach": np.array(self._reach),
+            "degrees": np.array(plan.degrees), "orders": plan.orders,
+            "modal": np.array(self._grams), "modal_C": np.array(self._modal_damping()),
+        }  # fmt: skip
+
+    def _modal_damping(self) -> list[Array]:
+        """W'C W of a damped body."""
+        body, W = self._body, self._W
         damping = [] if body.C is None else [W.T @ (body.C @ W)]
         if body.ratios:
             # C = M W diag(2 zeta omega) W'M couples nothing with what the modes leave out.
             by_ratio = np.diag(body.modal_damping(W, self._kappa))
             damping = [damping[0] + by_ratio] if damping else [by_ratio]
-        return {
-            **body.arrays(), **held, "W": W, "kappa": self._kappa,
-            "beyond": self._beyond, "coupled": np.array(self._coupled), "points": self._points,
-            "missing": missing.astype(np.float32),
-            "reach": np.array(self._reach),
-            "degrees": np.array(plan.degrees), "orders": plan.orders,
-            "modal": np.array(self._grams), "modal_C": np.array(damping),
-        }  # fmt: skip
+        return damping
 
     def _values(
         self, plan: FactorPlan, progress: Callable[[int], None]
@@ -237,17 +297,18 @@ class Reduction:
 
         The processes take the factors in turns.
         """
-        works = [(i, point) for i, points in plan.points.items() for point in points]
+        works = [(i, k) for i, points in plan.points.items() for k in range(len(points))]
         seen: dict[int, SeenBody] = {}
 
         def work(n: int) -> AnyArray:
-            i, point = works[n]
+            i, k = works[n]
             if i not in seen:
                 # The matrices of one point of the box at a time.
                 factors = [f for body in seen.values() for f in body.factors]
                 seen.clear()
                 seen[i] = self._seen(plan.coefficients.points[i], plan.shares[i], factors)
-            found = seen[i].at(point)
+            take = partial(plan.coupling.take, i, k) if plan.coupling else None
+            found = seen[i].at(plan.points[i][k], take)
             progress(1)
             return found
 
@@ -280,6 +341,10 @@ class Reduction:
         given = interface, self._body.loads, self._rows, kept, self._omega, self._near, factors
         C = C if shares is None else None
         return SeenBody(K, C, M, self._W, self._centre, *given)
+
+    def _P(self, own: Array, w: float) -> sp.csr_matrix:
+        """P of an undamped body at a point of the box and w."""
+        return self._seen(own, (0.0, 0.0), []).P(np.sqrt(SIGMA - w + 0j))
 
     def _at(self, own: Array) -> Array:
         """A point of the box of all parameters, at the centre but for those of the body."""

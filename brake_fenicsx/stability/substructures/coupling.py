@@ -1,0 +1,175 @@
+"""How the kept modes of a body couple through what they leave out, where it is not factored.
+
+The modes W of the centre of a box of parameters are no modes elsewhere. What they lack there,
+
+    x = S P W,        makes        W'P S P W = W'P x,
+
+of second order in what changes, the slowest to converge of all that is interpolated, and by which
+eigenvalues move the most. For any x~ that is M-orthogonal to W
+
+    W'P x = W'P x~ + (W'P x~)' - x~'P x~ + (x - x~)'P (x - x~),
+
+so that the first three terms err by the square of what x~ lacks (N. A. Pierce and M. B. Giles, SIAM
+Review 42, 2000, doi:10.1137/S0036144598349423). With x~ interpolated between the points where the
+body is factored, they need no factor. That x~ is held in single precision changes W'P x no more
+than that.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+import scipy.sparse as sp
+
+from brake_fenicsx.arguments import AnyArray, Array
+from brake_fenicsx.folder.processes import in_turns
+from brake_fenicsx.macro.solver import BlockProduct
+
+from .parameters import InterpolatedCoefficients
+from .polynomials import Polynomial, lowest_coefficients
+
+# A point of the box and a factor there, or what would be one, by their numbers.
+Name = tuple[int, int]
+
+
+class Coupling:
+    """W'P S P W of a body over a box: from its factors where there are any, else by x~."""
+
+    def __init__(
+        self,
+        placed: InterpolatedCoefficients,
+        factors: InterpolatedCoefficients,
+        wanted: Mapping[int, Array],
+        factored: Mapping[int, Array],
+        polynomial: Polynomial,
+        comm: MPI.Comm,
+    ):
+        """Plan how x~ follows from the x of the factors.
+
+        Args:
+            placed: the interpolation of W'P S P W; it is taken.
+            factors: that of x~, through fewer of the same anchors; it is taken.
+            wanted: frequencies at the points of ``placed``: number -> w, shape (values,).
+            factored: those where there is a factor, likewise.
+            polynomial: in w.
+            comm: the processes.
+        """
+        self._placed, self._factors, self._polynomial, self._comm = (
+            placed,
+            factors,
+            polynomial,
+            comm,
+        )
+        self._wanted, self._factored = wanted, factored
+        self._exact: dict[int, list[Array]] = {}
+        anchors = [i for i in factors.order if i < factors.anchors]
+        names = [(i, k) for i in anchors for k in range(factored[i].size)]
+        self._numbers: dict[Name, int] = {name: n for n, name in enumerate(names)}
+        self._held: dict[Name, AnyArray] = {}
+        units = np.eye(len(names))[:, None]
+        for i in anchors:
+            values = [units[self._numbers[i, k]] for k in range(factored[i].size)]
+            factors.add(i, wanted_coefficients(factors, i, factored[i], values, polynomial))
+
+    def take(self, i: int, k: int, x: Array) -> None:
+        """Hold x of factor k at point i, shape (n, modes), on the process that has it."""
+        if (i, k) in self._numbers:
+            self._held[i, k] = x.astype(np.float32)
+
+    def found(self, i: int, values: Sequence[Array]) -> None:
+        """Take W'P S P W of the factors at point i; on the first process."""
+        self._exact[i] = [np.array(value) for value in values]
+
+    def arrays(self, W: Array, P: Callable[[Array, float], sp.csr_matrix]) -> dict[str, AnyArray]:
+        """What ``InterpolatedCoefficients`` takes, on the first process alone; collective.
+
+        Args:
+            W: kept modes, shape (n, modes).
+            P: makes the matrix at a point of the box, shape (own parameters,), and w.
+        """
+        placed, known = self._placed, self._factored
+        names = [
+            (i, k) for i in placed.order
+            for k in range(known[i].size if i in known else 0, self._wanted[i].size)
+        ]  # fmt: skip
+        values = dict(zip(names, self._values(names, W, P), strict=True))
+        if self._comm.rank > 0:
+            return {}
+        for i in placed.order:
+            w = self._wanted[i]
+            found = self._exact.get(i, [])[: w.size]
+            found += [values[i, k] for k in range(len(found), w.size)]
+            placed.add(i, wanted_coefficients(placed, i, w, found, self._polynomial))
+        return placed.arrays()
+
+    def _values(
+        self, names: Sequence[Name], W: Array, P: Callable[[Array, float], sp.csr_matrix]
+    ) -> list[Array]:
+        """W'P S P W by x~ where it is wanted, on all processes."""
+        held = np.empty((len(self._held), W.size), np.float32)
+        own = [*self._held]
+        for row, name in zip(held, own, strict=True):
+            row[:] = self._held.pop(name).ravel()
+        numbers, size = [self._numbers[name] for name in own], self._comm.size
+        places = [(self._placed.points[i], float(self._wanted[i][k])) for i, k in names]
+        out: list[Array] = []
+        for first in range(0, len(places), size):
+            some = places[first : first + size]
+            shares = np.array([self._shares(*place) for place in some], np.float32)
+            x = self._summed(shares[:, numbers] @ held)
+
+            def work(i: int, some: Sequence[tuple[Array, float]] = some, x: AnyArray = x) -> Array:
+                return _by_response(P(*some[i]), W, x)
+
+            out += in_turns(len(some), work, self._comm)
+        return out
+
+    def _shares(self, own: Array, w: float) -> Array:
+        """Share of each x in x~ at a point of the box and w, shape (factors,)."""
+        powers = self._factors.interpolated(own)[0]
+        return np.asarray(sum(w**n * D[0] for n, D in enumerate(powers)))
+
+    def _summed(self, parts: AnyArray) -> AnyArray:
+        """The sum over the processes of one row for each of them; its own one on each."""
+        if self._comm.size == 1:
+            return np.asarray(parts[0])
+        found = np.empty_like(parts[0])
+        for root, part in enumerate(parts):
+            self._comm.Reduce(part, found if self._comm.rank == root else None, root=root)
+        return found
+
+
+def wanted_coefficients(
+    placed: InterpolatedCoefficients,
+    i: int,
+    w: Array,
+    values: Sequence[Array],
+    polynomial: Polynomial,
+) -> Array:
+    """The coefficients that an interpolation wants at a point.
+
+    Args:
+        placed: the interpolation.
+        i: number of the point.
+        w: frequencies of the values, shape (values,).
+        values: each of one shape.
+        polynomial: through as many frequencies as it has coefficients. Where there are fewer
+            values, the coefficients beyond are those of the anchors that come before.
+
+    Returns:
+        Shape (wanted, ...).
+    """
+    if len(values) < polynomial.count:
+        return lowest_coefficients(w, values, placed.beyond(i))
+    return polynomial.coefficients(values)[: placed.counts[i]]
+
+
+def _by_response(P: sp.csr_matrix, W: Array, x: AnyArray) -> Array:
+    """W'P S P W by x~, whose entries come in the order of those of W."""
+    x = x.reshape(W.shape).astype(float)
+    product_of = BlockProduct(P)
+    product = product_of(x)
+    product_of.destroy()
+    linear = W.T @ product
+    return np.asarray(linear + linear.T - x.T @ product)
