@@ -30,8 +30,14 @@ from brake_fenicsx.stability.substructures import CONSTANT
 from brake_fenicsx.stability.substructures.component import Complement
 from brake_fenicsx.stability.substructures.contact_rows import SIGMA
 from brake_fenicsx.stability.substructures.parameters import InterpolatedCoefficients, Interpolation
-from brake_fenicsx.stability.substructures.polynomials import lowest_coefficients, zeros
+from brake_fenicsx.stability.substructures.polynomials import (
+    Blocks,
+    lowest_coefficients,
+    whole,
+    zeros,
+)
 from brake_fenicsx.stability.substructures.reduction import AMID, Reduction, kept_modes
+from brake_fenicsx.stability.substructures.sample import assembled
 from brake_fenicsx.stability.substructures.substructure import mirror_image
 from brake_fenicsx.stability.substructures.vectors import SETTLED
 from reduced_samples import (
@@ -493,6 +499,40 @@ def test_zeros_of_a_matrix_polynomial(degree):
         for z, a, b in zip(found.z, found.right.T, found.left.T, strict=True):
             value = sum(z**j * C for j, C in enumerate(T))
             assert la.norm(value @ a) < 1e-7 and la.norm(b @ value) < 1e-6
+
+
+def test_blocks_are_a_matrix():
+    """Products, transposed, and the whole: blocks that meet add up, elsewhere are zeros."""
+    rng = np.random.default_rng(4)
+    places = [(slice(0, 3), np.array([1, 4])), (np.array([2, 5, 0]), np.array([4, 0]))]
+    places.append((np.array([6]), slice(2, 5)))
+    entries = [rng.standard_normal(shape) for shape in ((3, 2), (3, 2), (1, 3))]
+    A = Blocks((7, 6), [(*place, B) for place, B in zip(places, entries, strict=True)])
+    dense = np.zeros((7, 6))
+    for (rows, columns), B in zip(places, entries, strict=True):
+        for n, i in enumerate(np.arange(7)[rows]):
+            for m, j in enumerate(np.arange(6)[columns]):
+                dense[i, j] += B[n, m]
+    x, y = rng.standard_normal((6, 3)), rng.standard_normal((7, 2))
+    np.testing.assert_allclose(A @ x, dense @ x, atol=1e-15)
+    np.testing.assert_allclose(A.T @ y, dense.T @ y, atol=1e-15)
+    np.testing.assert_array_equal(A.whole, dense)
+    np.testing.assert_array_equal(whole([A, dense]), [dense, dense])
+    single = A.astype(np.float32)
+    assert single.dtype == np.float32 and (single @ x.astype(np.float32)).dtype == np.float32
+    np.testing.assert_array_equal(Blocks((2, 3), []) @ np.ones((3, 1)), np.zeros((2, 1)))
+
+
+@pytest.mark.parametrize("case, changing", [("undamped", True), ("all", True), ("sliding", False)])
+def test_forces_act_on_each_body_by_itself(two_blocks, case, changing):
+    """The bodies one by one under the forces of their own elements are lead J of all together."""
+    scene = two_blocks("coarse")
+    model, x = offline(scene, case, changing), (0.3, -0.5) if changing else ()
+    sample = model.sample(x, Sample(scene, case, x, 0.4, seed=2).contact)
+    b = assembled(model.bodies, model.at(x), model.rows, sample.closed)
+    wanted = [sample.contact.after(A, model.rows) for A in whole(b.lead)]
+    assert 0 < sample.closed.count < scene.w.size and np.abs(wanted[0]).max() > 0
+    np.testing.assert_allclose(whole(sample.forced), wanted, rtol=1e-14)
 
 
 @pytest.mark.parametrize("degrees, digits", [((4, 3, 1), 2e-7), ((6, 4, 2), 1e-13)])

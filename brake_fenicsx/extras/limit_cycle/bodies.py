@@ -27,6 +27,7 @@ from scipy.sparse.linalg import LinearOperator, gmres
 
 from brake_fenicsx.arguments import AnyArray, Array, Complex
 from brake_fenicsx.stability.substructures import ReducedModel
+from brake_fenicsx.stability.substructures.polynomials import whole
 
 # Linear steps leave out terms below these shares of the largest: of matrices, and of ``own``, whose
 # terms cancel near a resonance, as far as single precision tells.
@@ -127,10 +128,11 @@ def reduced_bodies(model: ReducedModel, p: Array, mu: Array) -> Bodies:
             times the normal force, and normal forces are the only acting rows.
     """
     b, c, views = model.blocks(p), mu.size, model.at(p)
-    lead, n = b.lead, len(views[0].modal)
+    lead, n = whole(b.lead), len(views[0].modal)
     D: Array = np.array(b.D, float)
     # The kept modes follow any lambda, what they leave out does not.
-    kept, coupling = np.zeros((n, *b.own.shape[1:])), np.array(b.own)
+    coupling = whole(b.own)
+    kept = np.zeros((n, *coupling.shape[1:]))
     for body, view in zip(model.bodies, views, strict=True):
         kept[:, body.modes, body.modes] = view.modal
     coupling[:n] -= kept
@@ -148,7 +150,7 @@ def reduced_bodies(model: ReducedModel, p: Array, mu: Array) -> Bodies:
         return np.concatenate([w ** np.arange(n)[:, None], powers]), powers
 
     lead, D = np.asarray(lead / unit, float), np.asarray(D / unit, float)
-    return Bodies(np.concatenate([kept, coupling]), lead, b.source, D, weights)
+    return Bodies(np.concatenate([kept, coupling]), lead, whole(b.source), D, weights)
 
 
 class Factors:

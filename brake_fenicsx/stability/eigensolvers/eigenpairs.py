@@ -75,11 +75,11 @@ def plus(out: Array, V: Array, c: Array, factor: float = 1.0) -> Array:
 
 def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
     """A real operator on complex columns: of imaginary parts only those that are there."""
-    parts, turned = _parts(x)
-    return _of_parts(real(parts), turned)
+    parts, turned = parts_of(x)
+    return of_parts(real(parts), turned)
 
 
-def _parts(x: Complex) -> tuple[Array, Index]:
+def parts_of(x: Complex) -> tuple[Array, Index]:
     """Real parts and those imaginary parts that are there, and of which columns these are."""
     n, turned = x.shape[1], np.flatnonzero(np.any(x.imag != 0, axis=0))
     parts = np.empty((len(x), n + turned.size), x.real.dtype)
@@ -87,7 +87,7 @@ def _parts(x: Complex) -> tuple[Array, Index]:
     return parts, turned
 
 
-def _of_parts(parts: Array, turned: Index) -> Complex:
+def of_parts(parts: Array, turned: Index) -> Complex:
     """Complex columns of such parts."""
     n = parts.shape[1] - turned.size
     out = np.zeros((len(parts), n), complex)
@@ -209,8 +209,8 @@ def _polished(V: Array, sigma: float, theta: Complex, s: Complex) -> Search:
     The residual of K itself is then that of the Arnoldi process, without the norm of K.
     """
     one = np.flatnonzero(theta.imag <= 0)  # kappa has the other sign.
-    parts, turned = _parts(s[:, one])
-    X = _of_parts((yield combined(V, parts)), turned)
+    parts, turned = parts_of(s[:, one])
+    X = of_parts((yield combined(V, parts)), turned)
     return sigma + 1 / theta[one], X / np.linalg.norm(X, axis=0)
 
 

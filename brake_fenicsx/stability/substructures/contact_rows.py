@@ -165,6 +165,11 @@ class ContactLinearisation:
         along, across = rate * self.along[elements], rate * self.across[elements]
         return ContactLinearisation(k, friction, along, across)
 
+    def part(self, some: Index) -> "ContactLinearisation":
+        """Some of the elements."""
+        every = self.k, self.friction, self.along, self.across
+        return ContactLinearisation(*(x[some] for x in every))
+
     def after(self, A: AnyArray, rows: Rows) -> AnyArray:
         """A J, in the precision of A.
 

@@ -30,7 +30,7 @@ from brake_fenicsx.errors import InaccurateResult
 from ..eigensolvers.eigenpairs import on_parts
 from ..modes import Count, Modes
 from .contact_rows import SIGMA, ContactLinearisation
-from .polynomials import Zeros, applied, zeros
+from .polynomials import Zeros, applied, whole, zeros
 from .reduced_model import ReducedModel
 from .sample import BlockMatrix, Corrected, Sample, corrected
 from .sample_problem import Quotient, SampleProblem
@@ -117,7 +117,8 @@ class TrialSpace:
         Y = Y @ (X[:, chosen] / np.sqrt(size[chosen])) / weight[:, None]
         beyond = la.eigvalsh(rest.T @ held[-1].T @ rest)[0] if rest.shape[1] else np.inf
         polynomials = max(h.polynomials for h in held)
-        return cls(V, Y, float(beyond), b.own @ V, b.source @ V, polynomials)
+        own, source = (np.array([A @ V for A in every]) for every in (b.own, b.source))
+        return cls(V, Y, float(beyond), own, source, polynomials)
 
 
 class Basis:
@@ -205,7 +206,8 @@ class Basis:
             return None
         b = model.blocks(x, keep=True)
         if self._trial is None:
-            if la.norm(b.own - b.own.transpose(0, 2, 1)) > SYMMETRIC * la.norm(b.own):
+            own = whole(b.own)
+            if la.norm(own - own.transpose(0, 2, 1)) > SYMMETRIC * la.norm(own):
                 self._refused = HELD  # a body turns: no residual is known
                 return None
             self._trial = TrialSpace.of(self._held, b, self._tolerance)
@@ -224,8 +226,8 @@ class Basis:
         self.projected, self._refused = self.projected + 1, 0
         out = corrected(near, q, (left_out + self._trial.polynomials) / np.abs(q.slope))
         found, V = out.zeros, self._trial.V
-        whole = Zeros(found.every, found.chosen, V @ found.right, V @ found.left)
-        return Corrected(whole, out.slope, out.error)
+        near = Zeros(found.every, found.chosen, V @ found.right, V @ found.left)
+        return Corrected(near, out.slope, out.error)
 
 
 class Projected:
@@ -258,7 +260,8 @@ class Projected:
         # Friction over stiffness: one matrix for both forces saves half of the products.
         mu = np.divide(f, self._k, out=np.zeros_like(f), where=self._k > 0).T
         self._D = [A[:, :c] + A[:, c : 2 * c] * mu.astype(A.dtype) for A in b.D]
-        self._lead: Array = b.lead[..., :c] + b.lead[..., c : 2 * c] * mu
+        lead = whole(b.lead)
+        self._lead: Array = lead[..., :c] + lead[..., c : 2 * c] * mu
         self._J: Array = self._k * t.Y
         self._E = _products(self._D, self._J)
         self._E[0] += t.Y

@@ -20,6 +20,7 @@ Review 43, 2001, doi:10.1137/S0036144500381988).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -27,10 +28,54 @@ import scipy.linalg as la
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index
 from brake_fenicsx.iteration import Steps, sizes
 
-from ..eigensolvers.eigenpairs import on_parts, times
+from ..eigensolvers.eigenpairs import of_parts, on_parts, parts_of, times
 from .contact_rows import SIGMA, Rows
 
-Coefficients = Array | Sequence[Array]
+
+@dataclass(frozen=True, slots=True)
+class Blocks:
+    """A matrix that is zero outside of some blocks, such as those of bodies.
+
+    Attributes:
+        shape: of the whole.
+        blocks: rows and columns of each block, and its entries; rows of one block differ.
+    """
+
+    shape: tuple[int, int]
+    blocks: list[tuple[Any, Any, AnyArray]]
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Precision of the entries."""
+        return np.result_type(*(A for *_, A in self.blocks)) if self.blocks else np.dtype(float)
+
+    @property
+    def T(self) -> "Blocks":
+        """The transposed matrix."""
+        return Blocks(self.shape[::-1], [(j, i, A.T) for i, j, A in self.blocks])
+
+    @property
+    def whole(self) -> AnyArray:
+        """The matrix with its zeros."""
+        out = np.zeros(self.shape, self.dtype)
+        for i, j, A in self.blocks:
+            place = (i, j) if isinstance(i, slice) or isinstance(j, slice) else np.ix_(i, j)
+            out[place] += A
+        return out
+
+    def astype(self, kind: type, copy: bool = True) -> "Blocks":
+        """The matrix in another precision."""
+        return Blocks(self.shape, [(i, j, A.astype(kind, copy=copy)) for i, j, A in self.blocks])
+
+    def __matmul__(self, x: AnyArray) -> AnyArray:
+        """Product with a block of columns, shape (columns of the matrix, columns)."""
+        out = np.zeros((self.shape[0], x.shape[1]), np.result_type(self.dtype, x))
+        for i, j, A in self.blocks:
+            out[i] += A @ x[j]
+        return out
+
+
+Coefficients = Array | Sequence[AnyArray | Blocks]
 
 # kappa of the first point: a free body has its rigid motions at 0.
 FIRST = -1e-4
@@ -281,6 +326,11 @@ def _companion(T: Array, near: Callable[[Complex], Index]) -> Zeros:
     return Zeros(every, chosen, X / la.norm(X, axis=0), b / la.norm(b, axis=0))
 
 
+def whole(A: Coefficients) -> Array:
+    """Coefficients as one array, shape (count, rows, columns)."""
+    return np.array([B.whole if isinstance(B, Blocks) else B for B in A])
+
+
 def applied(
     A: Coefficients, z: Complex, X: Complex, transpose: bool = False, kind: type | None = None
 ) -> Complex:
@@ -293,8 +343,10 @@ def applied(
         transpose: whether A is transposed.
         kind: precision of the products; that of each coefficient if None.
     """
-    total = None
+    total, (parts, turned) = None, parts_of(X)
     for n, coefficient in enumerate(A):
-        term = z**n * times(coefficient.T if transpose else coefficient, X, kind)
+        B = coefficient.T if transpose else coefficient
+        B = B if kind is None else B.astype(kind, copy=False)
+        term = z**n * of_parts(B @ parts.astype(B.dtype, copy=False), turned)
         total = term if total is None else total + term
     return np.asarray(total)

@@ -20,7 +20,8 @@ chapter II).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ from brake_fenicsx.arguments import AnyArray, Array, Complex, Index, Mask
 
 from ..eigensolvers.eigenpairs import times
 from . import component, contact_rows, parameters, polynomials, sample_problem
+from .polynomials import Blocks
 from .sample_problem import column_products
 
 # First-order moves larger than this share of the distance to the next zero are not of first order.
@@ -48,20 +50,16 @@ class BlockMatrix:
     """Coefficients in powers of w, in units of the band's end.
 
     Attributes:
-        own: shape (coefficients, kept modes, kept modes).
-        lead: shape (coefficients, kept modes, acting rows).
-        source: shape (coefficients, followed rows, kept modes).
+        own: shape (kept modes, kept modes) each.
+        lead: shape (kept modes, acting rows) each.
+        source: shape (followed rows, kept modes) each.
         D: shape (followed rows, acting rows) each; those beyond the first in single precision.
-        load: shape (coefficients, kept modes, loads).
-        push: shape (coefficients, followed rows, loads).
     """
 
-    own: Array
-    lead: Array
-    source: Array
+    own: list[Blocks]
+    lead: list[Blocks]
+    source: list[Blocks]
     D: list[AnyArray]
-    load: Array
-    push: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,32 +127,21 @@ def assembled(
     """
     acting = followed if acting is None else acting
     f, g = len(rows.followed), len(rows.acting)
-    coupled, count = any(b.component.coupled for b in bodies), len(views[0].D)
-    size, last = bodies[-1].modes.stop, count if coupled else 1
-    own = np.zeros((max(len(views[0].modal), count if coupled else 0), size, size))
-    lead = np.zeros((last, size, g * acting.count))
-    source = np.zeros((last, f * followed.count, size))
-    D: list[AnyArray] = []
-    loads = bodies[0].component.loads.shape[0]
-    load, push = np.zeros((last, size, loads)), np.zeros((count, f * followed.count, loads))
+    size = bodies[-1].modes.stop
+    out, D = BlockMatrix([], [], [], []), []
     for number, (body, view) in enumerate(zip(bodies, views, strict=True)):
         modes, m = body.modes, body.elements.size
         O, seen = followed.rows(number, f, m)
         I, met = acting.rows(number, g, m)
-        own[: len(view.modal), modes, modes] += view.modal
-        source[0][seen, modes] += view.followed[O]
-        lead[0][modes, met] += view.acting[I].T
-        load[0][modes] += body.component.loads.T
-        end = view.D[0].shape[1] - loads
-        for n, A in enumerate(view.D):
-            push[n][seen] -= A[O, end:]
+        own, lead, source = [*view.modal], [view.acting[I].T], [view.followed[O]]
         if body.component.coupled:
             X = slice(g * m, g * m + modes.stop - modes.start)
-            for n, A in enumerate(view.D):
-                own[n][modes, modes] -= A[f * m :, X]
-                source[n][seen, modes] -= A[O, X]
-                lead[n][modes, met] -= A[f * m :, I]
-                load[n][modes] -= A[f * m :, end:]
+            own = _less(own, [A[f * m :, X] for A in view.D])
+            lead = _less(lead, [A[f * m :, I] for A in view.D])
+            source = _less(source, [A[O, X] for A in view.D])
+        _put(out.own, own, (size, size), modes, modes)
+        _put(out.lead, lead, (size, g * acting.count), modes, met)
+        _put(out.source, source, (f * followed.count, size), seen, modes)
         flat = O[:, None] * view.D[0].shape[1] + I
         if number == 0 and flat.shape == (f * followed.count, g * acting.count):
             # A body that has all elements has them in their order.
@@ -164,7 +151,22 @@ def assembled(
         if flat.size:
             places = [[_square(a, b) for b in np.split(met, g)] for a in np.split(seen, f)]
             _add(D, view.D, flat, places)
-    return BlockMatrix(own, lead, source, D, load, push)
+    return replace(out, D=D)
+
+
+def _put(
+    out: list[Blocks], terms: list[Array], shape: tuple[int, int], rows: Any, columns: Any
+) -> None:
+    """Add the coefficients of a body to those of the brake, of some shape."""
+    out += [Blocks(shape, []) for _ in terms[len(out) :]]
+    for coefficient, A in zip(out, terms, strict=False):
+        coefficient.blocks.append((rows, columns, A))
+
+
+def _less(terms: list[Array], others: list[AnyArray]) -> list[Array]:
+    """Coefficients less others, as many as there are of either."""
+    both = zip_longest(terms, others, fillvalue=0.0)
+    return [np.asarray(A - B, float) for A, B in both]
 
 
 def _add(
@@ -300,6 +302,18 @@ def static_compliance(
     )
 
 
+def _forced(
+    lead: Blocks, contact: contact_rows.ContactLinearisation, rows: contact_rows.Rows
+) -> Blocks:
+    """Lead J: each body under the forces in its own elements."""
+    count, blocks = contact.k.size, []
+    for modes, met, A in lead.blocks:
+        there = met[: met.size // len(rows.acting)]
+        seen = (there + count * np.arange(len(rows.followed))[:, None]).ravel()
+        blocks.append((modes, seen, contact.part(there).after(A, rows)))
+    return Blocks((lead.shape[0], count * len(rows.followed)), blocks)
+
+
 class Sample(sample_problem.SampleProblem):
     """The reduced problem of one sample.
 
@@ -340,7 +354,7 @@ class Sample(sample_problem.SampleProblem):
         self.contact = contact
         E = [contact.after(A, rows) for A in b.D]
         E[0][np.diag_indices(len(E[0]))] += 1.0
-        forced = np.array([contact.after(A, rows) for A in b.lead])
+        forced = [_forced(A, contact, rows) for A in b.lead]
         super().__init__(E, b.source, forced, b.own, rows)
 
     def polynomial_errors(self, z: Complex, q: sample_problem.Quotient) -> Array:

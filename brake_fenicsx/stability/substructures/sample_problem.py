@@ -22,6 +22,7 @@ coefficients of u are u_m = Lambda_0 y_m + Lambda' y_m-1, and
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
 import numpy as np
 import scipy.linalg as la
@@ -32,7 +33,7 @@ from brake_fenicsx.iteration import remaining
 
 from ..eigensolvers.eigenpairs import on_parts, times
 from .contact_rows import SIGMA, Rows
-from .polynomials import Coefficients, Zeros, applied
+from .polynomials import Coefficients, Zeros, applied, whole
 
 # Steps at most of the motions y and eta.
 STEPS = 8
@@ -99,7 +100,10 @@ class SampleProblem:
     # Precision of the LU factor of 1 + (E_0 - 1) Lambda_0, and of T and its zeros.
     _precision: type = float
 
-    def __init__(self, E: Sequence[Array], source: Array, forced: Array, own: Array, rows: Rows):
+    def __init__(
+        self, E: Sequence[Array], source: Coefficients, forced: Coefficients, own: Coefficients,
+        rows: Rows,
+    ):  # fmt: skip
         """Take the coefficients, and expand T.
 
         Args:
@@ -133,11 +137,9 @@ class SampleProblem:
         gaps, rates = self.gaps, rows.rates
         end = float(np.hypot(1.0, rows.shift) if rates else 1.0 + SIGMA)
         # In powers of z; zeros of a truncated series need no more digits than its factor has.
-        source, own = (
-            np.einsum("mn,n...->m...", rows.powers(len(A)), A).astype(self._precision)
-            for A in (self.source, self.own)
-        )
-        forced: Array = self.forced.astype(self._precision)
+        kind = self._precision
+        source, own = _in_powers(self.source, rows, kind), _in_powers(self.own, rows, kind)
+        forced: Coefficients = [A.astype(self._precision) for A in self.forced]
         powers = rows.powers(len(E))
 
         def times_u(A: Coefficients, m: int, first: int) -> Iterator[Array]:
@@ -196,12 +198,14 @@ class SampleProblem:
             if np.all(left <= ROUND_OFF):
                 break
             y, last = better, np.maximum(gained, 1e-300)
-        slope = self.slope(z, (a, u, y), (b, eta, seen), moved)
+        terms = rest_terms(self.own, self.forced, a, u)
+        slope = self.slope(z, y, (b, eta, seen), moved, terms)
         slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
-        rest, ends = applied(self.own, w, a) + applied(self.forced, w, u), np.vstack([eta, b])
-        missed = np.vstack([unsolved, rest])
+        rest = np.sum([w**n * x for n, x in enumerate(terms)], axis=0)
+        ends, missed = np.vstack([eta, b]), np.vstack([unsolved, rest])
         real, imag = (times(side.T.copy(), missed) for side in (ends.real, ends.imag))
-        rest, y = rest + applied(self.forced, w, self.gaps_and_rates(z, better - y)), better
+        change = self.gaps_and_rates(z, better - y)
+        rest, y = rest + applied(self.forced, w, change, kind=self._precision), better
         back = applied(self.own, w, b, True) + applied(self.source, w, eta, True)
         beside = BESIDE * (1.0 if self.rows.rates else 1j)
         left = left + _second_order(self.T, z, beside, rest, back) + _round_off(self.E, w, eta, u)
@@ -219,26 +223,25 @@ class SampleProblem:
     def slope(
         self,
         z: Complex,
-        right: tuple[Complex, Complex, Complex],
+        y: Complex,
         left: tuple[Complex, Complex, Complex],
         moved: Sequence[Complex],
+        rest: Sequence[Complex],
     ) -> Complex:
         """The slope b' T'(z) a of some vectors.
 
         Args:
             z: eigenvalues.
-            right: a, u and y.
+            y: motions that contact forces follow.
             left: b, eta and forced(w)'b + (1 - E(w))'eta.
             moved: coefficients of source(w) a - E(w) u.
+            rest: those of own(w) a + forced(w) u.
         """
-        (a, u, y), (b, eta, seen) = right, left
-        w, total = self.rows.variable(z), np.zeros(z.size, complex)
-        for n in range(1, len(moved)):
-            term = column_products(eta, moved[n])
-            for A, x in ((self.own, a), (self.forced, u)):
-                if n < len(A):
-                    term = term + column_products(b, times(A[n], x))
-            total += n * w ** (n - 1) * term
+        (b, eta, seen), w = left, self.rows.variable(z)
+        total = np.zeros(z.size, complex)
+        for side, terms in ((eta, moved), (b, rest)):
+            for n, term in enumerate(terms[1:], 1):
+                total += n * w ** (n - 1) * column_products(side, term)
         # Lambda depends on z, too.
         rates = column_products(seen[self.gaps :], y[self.gaps :])
         return np.asarray(self.rows.slope(z) * total + rates)
@@ -267,6 +270,17 @@ class SampleProblem:
         return on_parts(real, x) if np.iscomplexobj(x) else real(x)
 
 
+def _in_powers(A: Coefficients, rows: Rows, kind: type) -> Array:
+    """Coefficients in powers of z of some in powers of w, in some precision."""
+    return np.asarray(np.tensordot(rows.powers(len(A)), whole(A), 1), kind)
+
+
+def rest_terms(own: Coefficients, forced: Coefficients, a: Complex, u: Complex) -> list[Complex]:
+    """Coefficients of own(w) a + forced(w) u."""
+    products = (times(A, a) for A in own), (times(A, u) for A in forced)
+    return [np.asarray(x + y) for x, y in zip_longest(*products, fillvalue=0.0)]
+
+
 def column_products(left: Complex, right: Complex) -> Complex:
     """Products of columns, not conjugated."""
     return np.asarray(np.einsum("im,im->m", left, right))
@@ -291,9 +305,12 @@ def _second_order(T: Array, z: Complex, beside: complex, rest: Complex, back: Co
     out = np.zeros(z.size)
     for group in np.array_split(np.argsort(np.abs(z), kind="stable"), GROUPS):
         if group.size:
-            near = np.tensordot((z[group].mean() + beside) ** np.arange(len(T)), T, 1)
-            given = near.astype(np.complex64), rest[:, group].astype(np.complex64)
-            *_, x, singular = la.lapack.cgesv(*given)  # an estimate: single precision will do
+            # An estimate: single precision will do.
+            near = np.empty(T.shape[1:], np.complex64)
+            powers = (z[group].mean() + beside) ** np.arange(len(T))
+            for part, x in ((near.real, powers.real), (near.imag, powers.imag)):
+                part[:] = np.tensordot(x.astype(T.dtype), T, 1)
+            *_, x, singular = la.lapack.cgesv(near, rest[:, group].astype(np.complex64))
             found = np.abs(column_products(back[:, group], x.astype(complex)))
             out[group] = UNKNOWN if singular else found  # another zero lies just there
     return out

@@ -30,6 +30,7 @@ from .component import Complement, Component, Placed
 from .contact_rows import Rows
 from .polynomials import applied
 from .sample import Chosen, Sample, assembled
+from .sample_problem import rest_terms
 
 # Steps at most for motions and for vectors, and the relative error at which they end.
 STEPS, SETTLED = 200, 1e-8
@@ -171,7 +172,8 @@ def slopes(sample: Sample, z: Complex, v: Vectors) -> Complex:
         moved[n] = moved[n] + times(A, v.a)
     seen = applied(sample.forced, w, v.b, transpose=True)
     seen = seen + sample.left_response(z, v.eta, kind=float)
-    return sample.slope(z, (v.a, u, v.y), (v.b, v.eta, seen), moved)
+    rest = rest_terms(sample.own, sample.forced, v.a, u)
+    return sample.slope(z, v.y, (v.b, v.eta, seen), moved, rest)
 
 
 def motions_of_elements(
