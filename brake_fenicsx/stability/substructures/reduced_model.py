@@ -175,7 +175,7 @@ class ReducedModel:
             free, stiffness = self.flexibilities == 0, self.areas(p) * k0
             if len(self._rest) >= self.held:
                 self._rest.popitem()
-            given = self._at_rest(x, free), free, stiffness, self.omega
+            given = self._at_rest(x, free), free, stiffness
             self._rest[key] = static_compliance(self.bodies, *given)
             if not self.parameters.dimension:
                 self._at_last_point.clear()
@@ -187,7 +187,7 @@ class ReducedModel:
             component = body.component
             own = component.own(x).tobytes()
             if self._at_last_point.get(component, (None,))[0] != own:
-                part = AtRest.of(component, view, free[body.modes], self.rows)
+                part = AtRest.of(component, view, free[body.modes], self.rows, self.omega)
                 self._at_last_point[component] = own, part
         return [self._at_last_point[body.component][1] for body in self.bodies]
 

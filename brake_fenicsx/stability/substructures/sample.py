@@ -209,25 +209,30 @@ def _square(rows: Index, columns: Index) -> tuple[Any, Any]:
 
 @dataclass(frozen=True, slots=True)
 class AtRest:
-    """A body at rest, its elastic coordinates eliminated, in units of the band's end.
+    """A body at rest, its elastic coordinates eliminated.
 
     Attributes:
-        gaps: of its contact elements under normal forces and friction in them, and under loads,
-            shape (elements, 2 elements + loads).
+        normal: gaps of its contact elements under normal forces in them [m/N], symmetric, shape
+            (elements, elements).
+        slip: under friction in them, likewise.
+        pushed: under loads, shape (elements, loads).
         motion: gaps of its free coordinates, shape (elements, free).
         onto: forces on the free coordinates, shape (free, 2 elements + loads).
-        Z: stiffness of the free coordinates, shape (free, free).
+        Z: stiffness of the free coordinates [1/s^2], shape (free, free).
     """
 
-    gaps: Array
+    normal: Array
+    slip: Array
+    pushed: Array
     motion: Array
     onto: Array
     Z: Array
 
     @classmethod
     def of(
-        cls, body: component.Component, view: component.AtPoint, free: Mask, rows: contact_rows.Rows
-    ) -> "AtRest":
+        cls, body: component.Component, view: component.AtPoint, free: Mask,
+        rows: contact_rows.Rows, omega: float,
+    ) -> "AtRest":  # fmt: skip
         """Take a body at a point of the box.
 
         Args:
@@ -235,13 +240,12 @@ class AtRest:
             view: the body at this point.
             free: its kept modes that move freely, shape (kept modes,).
             rows: blocks of contact rows.
+            omega: end of the band [rad/s].
         """
-        m, loads = body.body.elements.size, body.loads.T
+        m, loads, unit = body.body.elements.size, body.loads.T, 1 / omega**2
         f, g = len(rows.followed), len(rows.acting)
         w = -rows.shift if rows.damped else contact_rows.SIGMA
-        own, D = (
-            np.asarray(sum(w**n * A for n, A in enumerate(X)), float) for X in (view.modal, view.D)
-        )
+        own, D = _at(w, view.modal), _at(w, view.D)
         end = D.shape[1] - loads.shape[1]
         forces = np.r_[: 2 * m, end : D.shape[1]]
         seen, pushed = view.followed[:m], np.hstack([view.acting[: 2 * m].T, loads])
@@ -251,16 +255,29 @@ class AtRest:
         held = np.linalg.solve(own[np.ix_(~free, ~free)], np.hstack([pushed, own[:, free]])[~free])
         through, back = seen[:, ~free] @ held, own[np.ix_(free, ~free)] @ held
         count = forces.size
+        gaps = through[:, :count]
+        motion = seen[:, free] - through[:, count:]
+        gaps[:, : 2 * m] += D[:m, : 2 * m]
+        gaps[:, 2 * m :] += D[:m, end:]
+        gaps *= unit
+        normal, slip, loaded = np.split(gaps, [m, 2 * m], axis=1)
         return cls(
-            D[:m, forces] + through[:, :count], seen[:, free] - through[:, count:],
-            pushed[free] - back[:, :count], own[np.ix_(free, free)] - back[:, count:],
+            0.5 * (normal + normal.T), slip, loaded, motion,
+            pushed[free] - back[:, :count], (own[np.ix_(free, free)] - back[:, count:]) / unit,
         )  # fmt: skip
 
 
+def _at(w: float, coefficients: Sequence[AnyArray] | Array) -> Array:
+    """Value of a polynomial."""
+    out = np.array(coefficients[0], float)
+    for n, A in enumerate(coefficients[1:], 1):
+        out += A.dtype.type(w**n) * A
+    return out
+
+
 def static_compliance(
-    bodies: Sequence[component.Placed], parts: Sequence[AtRest], free: Mask, stiffness: Array,
-    omega: float,
-) -> tuple[Array, Array, Array]:  # fmt: skip
+    bodies: Sequence[component.Placed], parts: Sequence[AtRest], free: Mask, stiffness: Array
+) -> tuple[Array, Array, Array]:
     """Static compliance: gaps and free coordinates; see ``macro.equilibrium.Compliance``.
 
     Args:
@@ -269,16 +286,15 @@ def static_compliance(
         free: kept modes that move freely, shape (kept modes,).
         stiffness: typical one of the contact elements [N/m], shape (elements,): free coordinates
             are scaled so that the gaps, and forces of this stiffness, are about as large as theirs.
-        omega: end of the band [rad/s].
 
     Returns:
         Shapes (all, all), (all, elements) and (all, loads) [m/N], all: elements and coordinates.
     """
     n, count = stiffness.size, int(free.sum())
     loads = bodies[0].component.loads.shape[0]
-    NN, NT, NF = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, loads))
-    motion, Z = np.zeros((n, count)), np.zeros((count, count))
-    normal, slip, pushed = np.zeros((count, n)), np.zeros((count, n)), np.zeros((count, loads))
+    NN, NT = np.zeros((n + count, n + count)), np.zeros((n + count, n))
+    NF, motion, Z = np.zeros((n + count, loads)), np.zeros((n, count)), np.zeros((count, count))
+    normal, slip, pushed = NN[n:, :n], NT[n:], NF[n:]
     first = 0
     for body, part in zip(bodies, parts, strict=True):
         e, m = body.elements, body.elements.size
@@ -286,20 +302,18 @@ def static_compliance(
         first = own.stop
         if m:
             square = _square(e, e)
-            NN[square] += part.gaps[:, :m]
-            NT[square] += part.gaps[:, m : 2 * m]
-        NF[e] += part.gaps[:, 2 * m :]
+            NN[square] += part.normal
+            NT[square] += part.slip
+        NF[e] += part.pushed
         motion[e, own], Z[own, own] = part.motion, part.Z
         normal[own, e], slip[own, e], pushed[own] = np.split(part.onto, [m, 2 * m], axis=1)
     column = 1 / np.maximum(np.abs(motion).max(axis=0, initial=0.0), 1e-300)
     row = 1 / np.maximum(np.abs(normal) @ stiffness, 1e-300)[:, None]
-    scale = 1 / omega**2
-    corner = row * (omega**2 * Z) * column - np.eye(count)
-    return (
-        np.block([[0.5 * scale * (NN + NN.T), -motion * column], [row * normal, corner]]),
-        np.vstack([scale * NT, row * slip]),
-        np.vstack([scale * NF, row * pushed]),
-    )
+    for onto in (normal, slip, pushed):
+        onto *= row
+    NN[:n, n:] = -motion * column
+    NN[n:, n:] = row * Z * column - np.eye(count)
+    return NN, NT, NF
 
 
 def _forced(
