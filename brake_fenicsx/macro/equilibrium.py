@@ -374,8 +374,8 @@ def solved(J: Array, b: Array, elements: int) -> Array:
 
 def _refined(J: Array, b: Array, chosen: Mask) -> Array | None:
     """Solution by refinement; None where it is not enough of a start."""
-    own = J if chosen.all() else J[np.ix_(chosen, chosen)]
-    lu = la.lu_factor(own.astype(np.float32), overwrite_a=True, check_finite=False)
+    own = (J if chosen.all() else J[chosen][:, chosen]).astype(np.float32, order="F")
+    lu = la.lu_factor(own, overwrite_a=True, check_finite=False)
     x, r, steps = np.zeros_like(b), b, Steps(1, REFINED, REFINEMENTS)
     while steps.moving.any():
         dx = np.zeros_like(b)

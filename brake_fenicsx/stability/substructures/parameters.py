@@ -350,24 +350,29 @@ class InterpolatedCoefficients:
         """
         if not own.size:
             return self._centre, [], 1.0
-        D, step = self.interpolated(own)
         # One degree more gains about what it gains at the points that were checked.
-        step *= self._gain[:, None, None].astype(step.dtype)
+        D, step = self.interpolated(own, self._gain)
         return D, [step.astype(np.float32, copy=False), *self._checks], self._box.growth(own)
 
-    def interpolated(self, own: Array) -> tuple[Powers, AnyArray]:
-        """Coefficients at a point of the own parameters, and the step from one degree lower."""
+    def interpolated(self, own: Array, gain: Array | None = None) -> tuple[Powers, AnyArray]:
+        """Coefficients at a point of the own parameters, and the step from one degree lower.
+
+        Args:
+            own: the point, shape (own parameters,).
+            gain: what the step of each coefficient is multiplied by.
+        """
+        gain = np.ones(len(self._degrees)) if gain is None else gain
         D = [np.empty_like(coefficient) for coefficient in self._centre]
         step = np.empty((len(D), *D[0].shape), self._precision)
         for n, (changes, degree) in enumerate(zip(self._changes, self._degrees, strict=True)):
             weights = self._box.weights(own, degree)
-            pair = np.array([weights, weights - self._box.weights(own, degree - 1)])
+            pair = np.array([weights, gain[n] * (weights - self._box.weights(own, degree - 1))])
             # Weights add up to 1: those of the changes are all but that of the centre.
             factors = pair[:, 1 : len(changes) + 1].astype(self._precision)
             every, centre = changes.reshape(len(changes), -1), self._centre[n].ravel()
             for first in range(0, centre.size, STRIP):
                 strip = slice(first, first + STRIP)
                 change, difference = factors @ every[:, strip]
-                D[n].reshape(-1)[strip] = centre[strip] + change
+                np.add(centre[strip], change, out=D[n].reshape(-1)[strip])
                 step[n].reshape(-1)[strip] = difference
         return D, step

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.arguments import AnyArray, Array, Complex, Index, Mask
 
-from ..eigensolvers.eigenpairs import times
+from ..eigensolvers.eigenpairs import of_parts, parts_of
 from . import component, contact_rows, parameters, polynomials, sample_problem
 from .polynomials import Blocks
 from .sample_problem import column_products
@@ -389,17 +389,18 @@ class Sample(sample_problem.SampleProblem):
             if not rows.size:
                 continue
             left = q.left[np.r_[place, f * c + modes]].astype(np.complex64)
-            right = loads[np.r_[there, g * c + modes]].astype(np.complex64)
+            parts, turned = parts_of(loads[np.r_[there, g * c + modes]].astype(np.complex64))
             columns = np.r_[acting, g * m + np.arange(modes.size)]
             flat = rows[:, None] * comp.missing.shape[2] + columns
 
             def terms(
                 errors: NDArray[np.float32], left: AnyArray = left,
-                flat: Index = flat, right: AnyArray = right,
+                flat: Index = flat, parts: AnyArray = parts, turned: Index = turned,
             ) -> Complex:  # fmt: skip
                 """[eta; b]' A [J u; a] of several matrices A, shape (matrices, zeros)."""
                 picked = (np.take(error, flat, mode="clip") for error in errors)
-                return np.array([column_products(left, times(error, right)) for error in picked])
+                moved = (of_parts(error @ parts, turned) for error in picked)
+                return np.array([column_products(left, x) for x in moved])
 
             lacks = np.array([1.0, 1j])[: len(comp.missing)] @ terms(comp.missing)
             total += np.abs(lacks) * comp.growth(w)
