@@ -28,10 +28,11 @@ def remaining(size: ArrayLike, rate: ArrayLike) -> Array:
         size: of the last step.
         rate: of contraction; ``SLOWEST`` at most is believed.
     """
-    believed = np.clip(np.nan_to_num(np.asarray(rate, float), nan=SLOWEST), 0.0, SLOWEST)
     with np.errstate(over="ignore", invalid="ignore"):
+        # The smaller of nan and a number is the number.
+        believed = np.fmin(np.maximum(rate, 0.0), SLOWEST)
         left = np.asarray(size, float) * believed / (1 - believed)
-    return np.asarray(np.nan_to_num(left, nan=np.inf, posinf=np.inf))
+    return np.where(np.isnan(left), np.inf, left)
 
 
 def sizes(step: AnyArray, x: AnyArray) -> tuple[Array, Array]:
