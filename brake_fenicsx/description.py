@@ -3,9 +3,10 @@
 A process holds 0.25 GB, and 9 kB n with factors of the bodies one by one, 10 kB n more to solve at
 full order, 19 kB n more with damping there; pictures take 0.3 GB, when the samples are done. All
 processes of a machine share 150 B m^2 + 3 kB n of a reduced model, 350 B m^2 more with damping, and
-where d moduli are random or swept the values at the points of an interpolation, 15 B m^2
-C(d + 4, 4). A process of run --share holds beside that what a sample needs. Peaks of shipped brakes
-lie within a factor of 1.5 of these figures.
+where d scalars of bodies are random or swept the values at the points of an interpolation, 15 B m^2
+C(d + 4, 4); of moduli alone, and without damping, 15 B m^2 C(d + 3, 3). A process of run --share
+holds beside that what a sample needs. Peaks of shipped brakes lie within a factor of 1.5 of these
+figures.
 
 The times are those of docs/benchmarks.md, scaled by the time that a second of work takes here.
 """
@@ -27,6 +28,7 @@ from brake_fenicsx import checks
 from brake_fenicsx.errors import lines
 from brake_fenicsx.folder.log import time_text
 from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene.samples_section import is_constant
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.scene import active_terms, listed, own_surface, reduced_approaches
 from brake_fenicsx.scene.units import several
@@ -34,8 +36,8 @@ from brake_fenicsx.scene.units import several
 if TYPE_CHECKING:
     from brake_fenicsx.surface import SurfaceStatistics
 
-# Degree of the interpolation over scalars of the bodies at the default tolerance, and the points
-# between its anchors where it is checked.
+# Degree of the interpolation over scalars of the bodies at the default tolerance, one more than
+# that of moduli alone without damping, and the points between its anchors where it is checked.
 DEGREE, CHECKED = 4, 2
 # What else is made where a stage is named.
 MADE_BY = {
@@ -97,9 +99,12 @@ def changing_scalars(scene: Scene) -> list[str]:
     return [name for name in scene.varied if changes_bodies(scene, name)]
 
 
-def anchors(scalars: int) -> int:
-    """Points at which a body that depends on some scalars is reduced, at the usual tolerance."""
-    return comb(scalars + DEGREE, DEGREE) + CHECKED if scalars else 1
+def anchors(scene: Scene, samples: Mapping[str, int]) -> int:
+    """Points where a body that depends on all changing scalars is reduced, at usual tolerance."""
+    names = changing_scalars(scene)
+    damped = any(active_terms(scene, name) for name in samples)
+    degree = DEGREE - (not damped and all(map(is_constant, names)))
+    return comb(len(names) + degree, degree) + CHECKED if names else 1
 
 
 def run_sizes(scene: Scene, samples: Mapping[str, int], dofs: int, elements: int) -> Sizes:
@@ -112,7 +117,7 @@ def run_sizes(scene: Scene, samples: Mapping[str, int], dofs: int, elements: int
     if any(solves.values()):
         shared = 150e-9 * m**2 + 3e-6 * n + (350e-9 * m**2 if damped else 0.0)
         if solves["reduced with bodies of their own"]:
-            shared += 15e-9 * m**2 * anchors(len(changing_scalars(scene)))
+            shared += 15e-9 * m**2 * anchors(scene, samples)
         if sum(solves.values()) == sum(samples.values()):
             share = 0.2 + max(2.2e-6 * n, 0.12e-6 * m**2 * (4 if damped else 1))
     else:
@@ -149,7 +154,7 @@ def calibrated_seconds(
         each = 0.23 * (micro.pixels / 128) ** (1.85 if periodic else 0.6)
         laws = each * (micro.laws + micro.scans)
     by_reduction = solves.get("reduced", 0) + solves.get("reduced with bodies of their own", 0)
-    points = anchors(len(changing_scalars(scene))) if by_reduction else 1
+    points = anchors(scene, samples) if by_reduction else 1
     beside, full = verified(scene, samples), 20 * n**1.5
     drawn = "pictures" * ("report" in scene.stages)  # one stage with the verification
     sample = 0.1 + 0.14 * m**2
@@ -333,7 +338,7 @@ def _sample_lines(scene: Scene, samples: Mapping[str, int]) -> Iterator[str]:
     changing = changing_scalars(scene) if "reduced" in modes else []
     if changing:
         yield f"""reduced model: bodies depend on {", ".join(changing)}; one that depends on all is
-            reduced at {anchors(len(changing))} points, one that depends on none at one"""
+            reduced at {anchors(scene, samples)} points, one that depends on none at one"""
     if damped := {term: None for name in samples for term in active_terms(scene, name)}:
         yield f"damping: {', '.join(damped)}"
     yield f"friction: {listed(scene)}"

@@ -132,7 +132,7 @@ def test_a_range_in_which_only_every_second_degree_gains(monkeypatch, caplog):
     caplog.set_level("INFO", "brake_fenicsx")
     errors = []
 
-    def of_this_model(reduced, contact):
+    def of_this_model(reduced, contact, comm):
         errors.append(2e-5 if reduced.orders[0] < reduced_degrees[0] + 2 else 1e-7)
         return np.full(9, errors[-1])
 
@@ -172,7 +172,7 @@ def test_degrees_of_two_lengths_that_gain_differently(size, gain, ends, last, mo
         return size * np.array(gain) ** (4.0 - reduced.orders)
 
     monkeypatch.setattr(offline, "_of_each_parameter", of_each)
-    monkeypatch.setattr(offline, "_errors", lambda *given: np.full(9, of_each(*given).sum()))
+    monkeypatch.setattr(offline, "_errors", lambda *given: np.full(9, of_each(*given[:2]).sum()))
     model.prepare(BLOCK, COARSE, parameters={HEIGHT: (18e-3, 20e-3), PLATE: (14e-3, 15e-3)})
     assert [*dict.fromkeys(orders)] == [(4, 4), *ends]
     said = [
