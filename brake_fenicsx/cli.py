@@ -132,12 +132,18 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
 
     level = "WARNING" if options.quiet else "DEBUG" if options.verbose else "INFO"
     start_log(comm.rank, level=level)
-    if petsc:
+    command = options.command
+    if command.alone and comm.rank:
+        return
+    # A process that works alone would wait for the others, which do not start it.
+    own = command.alone and comm.size > 1
+    if petsc or own:
+        from mpi4py import MPI
+
         from brake_fenicsx.libraries import start_petsc
 
-        start_petsc(petsc)
-    command = options.command
-    said = command.run(options, comm) if comm.rank == 0 or not command.alone else None
+        start_petsc(petsc, MPI.COMM_SELF if own else None)
+    said = command.run(options, comm)
     if comm.rank == 0 and said is not None:
         print(said)
 
