@@ -3,6 +3,7 @@
 import os
 import sys
 
+YOUNG = 10_000  # new objects between two searches of the garbage collector
 INTERRUPTED = "brake-fenicsx: interrupted; the same command resumes the run"
 try:
     from brake_fenicsx.libraries import best_kernels
@@ -15,6 +16,7 @@ try:
         os.environ.setdefault("OPENBLAS_CORETYPE", _kernels)
 
     import argparse
+    import gc
     import traceback
     from collections.abc import Sequence
     from typing import Any
@@ -35,6 +37,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit status: 0 done, 1 a computation failed, 2 wrong input, 130 interrupted, 141 the output
         is read no more, 143 ended by SIGTERM.
     """
+    # Python searches all young objects for cycles at every 700th new one: a percent of a run.
+    gc.set_threshold(YOUNG)
     with watching():
         return _main(list(sys.argv[1:] if arguments is None else arguments))
 
@@ -128,12 +132,18 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
 
     level = "WARNING" if options.quiet else "DEBUG" if options.verbose else "INFO"
     start_log(comm.rank, level=level)
-    if petsc:
+    command = options.command
+    if command.alone and comm.rank:
+        return
+    # A process that works alone would wait for the others, which do not start it.
+    own = command.alone and comm.size > 1
+    if petsc or own:
+        from mpi4py import MPI
+
         from brake_fenicsx.libraries import start_petsc
 
-        start_petsc(petsc)
-    command = options.command
-    said = command.run(options, comm) if comm.rank == 0 or not command.alone else None
+        start_petsc(petsc, MPI.COMM_SELF if own else None)
+    said = command.run(options, comm)
     if comm.rank == 0 and said is not None:
         print(said)
 

@@ -48,8 +48,6 @@ if TYPE_CHECKING:
 
     Surfaces = Mapping[str, SurfaceStatistics]  # by the section of each
 
-DRAWING = 8  # parts of the figures, which processes take in turn: each reads all results once
-
 
 @with_its_arguments
 def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> Brake:
@@ -462,7 +460,7 @@ def report(
         read_run(directory)  # says what it is
     read = cache(lambda: read_run(directory))
     works = figure_works(directory, read, pictures, own)
-    progress = Progress("figures, in parts", len(works), processes=comm.size)
+    progress = Progress("figures", len(works), processes=comm.size)
     for _, lost in processes.in_turns(len(works), lambda i: works[i](), comm):
         progress.advance()
         for text in lost:
@@ -478,7 +476,7 @@ def figure_works(
     pictures: bool,
     own: Mapping[str, Callable[[RunData], Any]],
 ) -> list[Callable[[], tuple[None, list[str]]]]:
-    """Works that draw the figures of a results folder, by any processes, begun in this order.
+    """Works that draw a figure of a results folder each, by any processes, begun in this order.
 
     Args:
         directory: the results folder.
@@ -492,16 +490,18 @@ def figure_works(
     from brake_fenicsx.report.figure_inputs import contact_maps
     from brake_fenicsx.report.figures import PLOTS, make_figures
 
-    maps = [plot.name for plot in PLOTS].index("figure7_contact_maps")
+    names = [*(plot.name for plot in PLOTS), *own]
+    maps = names.index("figure7_contact_maps")
 
     def draw(i: int) -> tuple[None, list[str]]:
         lost: list[str] = []
-        if pictures and i == 0:  # of the figure in this part, before the results are read
+        if pictures and i == maps:  # before the results are read
             lost = spared("maps of the contact", lambda: contact_maps(directory))[1]
-        make_figures(read(), slice((maps + i) % DRAWING, None, DRAWING), pictures, own)
+        make_figures(read(), slice(i, i + 1), pictures, own)
         return None, lost
 
-    return [partial(draw, i) for i in range(DRAWING)]
+    # The longest first: the last ones are to end at about the same time.
+    return [partial(draw, i) for i in sorted(range(len(names)), key=lambda i: i != maps)]
 
 
 def say_answer(data: RunData) -> None:

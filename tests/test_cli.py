@@ -32,6 +32,7 @@ from brake_fenicsx.scene.units import several
 from brake_fenicsx.stages import Run
 from brake_fenicsx.surface import read_topography
 from places import BLOCK
+from processes import parallel
 
 SURFACE = ["--set", "stages=['surface']", "--set", "surface.statistics={ S_q = '3 um' }"]
 # A program that ends itself, or is ended, after some seconds at most.
@@ -358,6 +359,10 @@ def test_no_pictures(tmp_path, capsys, monkeypatch):
     assert "<img" in page.read_text() and any((tmp_path / "a" / "figures").glob("*.png"))
     assert main(["report", str(tmp_path / "a"), "--no-pictures"]) == 0
     assert "<img" not in page.read_text() and "squeal:" in capsys.readouterr().err
+    # Of two processes the first one draws alone: PETSc must not wait for the other.
+    two = ["mpirun", "-n", "2", "--oversubscribe", sys.executable, "-m", "brake_fenicsx"]
+    subprocess.run([*two, "report", tmp_path / "a"], timeout=300, check=True, **parallel())
+    assert "<img" in page.read_text()
 
 
 def test_words_that_mean_nothing_are_named(capsys):

@@ -92,7 +92,7 @@ def test_one_module_connects_full_order_and_the_reduced_model():
         (["--help"], ["mpi4py.MPI", "numpy", "dolfinx"]),
         (
             ["check", str(BLOCK)],
-            ["brake_fenicsx.surface", "scipy.stats", "pandas", "matplotlib", "SALib"],
+            ["brake_fenicsx.surface", "scipy.stats", "pandas", "pint", "matplotlib", "SALib"],
         ),
     ],
 )

@@ -7,6 +7,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 import numpy as np
+import pint
 import pytest
 
 from brake_fenicsx.checks import check
@@ -17,7 +18,7 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import in_effect, result_digest
 from brake_fenicsx.scene.keys import walk
 from brake_fenicsx.scene.read import with_values
-from brake_fenicsx.scene.units import to_si
+from brake_fenicsx.scene.units import FACTORS, to_si, usual_unit, with_unit
 from places import BLOCK, DEMO, SCENES, WHOLE
 
 DAMPED = 'damping = { rayleigh = ["9 1/s", "0.1 us"] }\nthreshold'
@@ -70,6 +71,19 @@ def test_values_written_back_keep_their_units(tmp_path):
 def test_units_become_si(text, unit, value):
     """A factor of ten in a unit would go through every later stage unseen."""
     assert to_si(text, unit) == pytest.approx(value, rel=1e-12)
+
+
+def test_usual_units_are_those_of_pint():
+    """They are converted without it."""
+    registry = pint.UnitRegistry()
+    for unit, factors in FACTORS.items():
+        assert usual_unit(unit) in factors
+        for name in factors:
+            for text in (f"7 {name}", f"-0.37 {name}", f"1983.3e-2 {name}"):
+                assert to_si(text, unit) == registry.Quantity(text).m_as(unit), text
+            value = 1234.5678901234 * factors[name]
+            known = registry.Quantity(value, unit).m_as(usual_unit(unit))
+            assert with_unit(value, unit) == f"{known:.10g} {usual_unit(unit)}"
 
 
 def test_reference_scene_has_the_sizes_of_the_study():

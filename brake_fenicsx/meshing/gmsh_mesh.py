@@ -5,8 +5,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
-from unittest import mock
 
 import numpy as np
 
@@ -59,7 +59,7 @@ def gmsh_session() -> Iterator[Any]:
     """Gmsh, silent, from start to end, with the same settings in every account."""
     # It sets signal handlers, which Python allows the main thread alone.
     main = threading.current_thread() is threading.main_thread()
-    with nullcontext() if main else mock.patch("signal.signal"):
+    with nullcontext() if main else import_module("unittest.mock").patch("signal.signal"):
         import gmsh
 
         # Without the option files in the user's home.

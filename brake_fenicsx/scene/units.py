@@ -18,6 +18,18 @@ DIMENSIONS = {
     "1/s": "rate [1/s]", "s": "time [us]", "": "a number",
     "*": "number with the unit of that key [2 bar]",
 }  # fmt: skip
+# SI values of the units that most scenes are written in. To start pint, which knows all others,
+# takes as long as to read a scene.
+FACTORS: dict[str, dict[str, float]] = {
+    "m": {"m": 1.0, "mm": 1e-3, "um": 1e-6}, "rad": {"rad": 1.0, "deg": math.pi / 180},
+    "Pa": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9, "bar": 1e5}, "N": {"N": 1.0, "kN": 1e3},
+    "N m": {"N m": 1.0}, "kg/m^3": {"kg/m^3": 1.0}, "kg": {"kg": 1.0},
+    "kg m^2": {"kg m^2": 1.0, "kg mm^2": 1e-6}, "N/m": {"N/m": 1.0, "kN/mm": 1e6},
+    "N s/m": {"N s/m": 1.0}, "Pa/m": {"Pa/m": 1.0}, "Hz": {"Hz": 1.0, "kHz": 1e3},
+    "rad/s": {"rad/s": 1.0}, "m/s": {"m/s": 1.0}, "1/m": {"1/m": 1.0, "1/mm": 1e3},
+    "1/s": {"1/s": 1.0}, "s": {"s": 1.0, "us": 1e-6},
+}  # fmt: skip
+USUAL = re.compile(r"([-+]?\d+\.?\d*(?:[eE][-+]?\d+)?) (\S.*)", re.ASCII)
 MODULI = (1e6, 2e12)  # usual ones, rubber to diamond [Pa]
 
 
@@ -83,6 +95,8 @@ def factor_to_si(name: str, unit: str, where: str) -> float:
 @cache
 def _quantity(value: str, unit: str) -> float:
     """A number with a unit in SI."""
+    if (usual := USUAL.fullmatch(value)) and usual[2] in FACTORS[unit]:
+        return float(usual[1]) * FACTORS[unit][usual[2]]
     import pint
 
     wanted = DIMENSIONS[unit]
@@ -141,8 +155,7 @@ def with_unit(value: Any, unit: str) -> Any:
     if unit in ("", "*") or isinstance(value, str | bool):
         return value
     usual = usual_unit(unit)
-    number = _registry().Quantity(value, unit).to(_registry().Unit(usual)).magnitude
-    return f"{number:.10g} {usual}"
+    return f"{value / FACTORS[unit][usual]:.10g} {usual}"
 
 
 def quantity_text(value: float, unit: str) -> str:

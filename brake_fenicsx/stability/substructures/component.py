@@ -171,7 +171,8 @@ class Component:
         """P_0, P_1, ... at a point of the box, at full order."""
         K, C, M = matrices(self.body, self._parameters, x, self._beyond, self.body.added)
         C = None if C is None else C / self._omega
-        return shifted_polynomial(K / self._omega**2, C, M, self._rows)
+        # SciPy copies a sparse matrix twice where it is divided.
+        return shifted_polynomial(K * (1 / self._omega**2), C, M, self._rows)
 
     def _modal(self, x: Array) -> Array:
         """W'P_n W in units of the band's end."""

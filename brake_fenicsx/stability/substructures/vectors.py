@@ -325,8 +325,11 @@ def _left_out(
     v = np.zeros_like(kept)
     known = -load - np.sum([w**n * times(A, kept) for n, A in enumerate(P)], axis=0)
     steps = Steps(w.size, SETTLED, STEPS)
-    while steps.moving.any():
-        rhs = known - np.sum([w**n * times(A, v) for n, A in enumerate(P) if n], axis=0)
+    # A solve takes as long as its columns are many: those that have settled leave it.
+    while (some := np.flatnonzero(steps.moving)).size:
+        x, at, size = v[:, some], w[some], np.zeros((2, w.size))
+        rhs = known[:, some] - np.sum([at**n * times(A, x) for n, A in enumerate(P) if n], axis=0)
         new = on_parts(complement.solve, rhs)
-        v = np.where(steps.take(*sizes(new - v, kept + v)), new, v)
+        size[:, some] = sizes(new - x, kept[:, some] + x)
+        v[:, some] = np.where(steps.take(*size)[some], new, x)
     return v, steps.left
