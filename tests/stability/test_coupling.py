@@ -48,6 +48,24 @@ def test_responses_give_the_coupling_where_there_is_no_factor(two_blocks):
         assert off < 0.3 * lacking + 1e-6 * np.linalg.norm(known)
 
 
+def test_round_off_of_responses_acts_by_its_square(two_blocks):
+    """At small errors the points that are checked see the same ones as with all factors."""
+    scene = two_blocks("coarse")
+    narrow = box(scene, "undamped", 0.1)
+    (_, found, _), (_, exact, _) = (
+        made(scene, c, narrow, tolerance=3e-7) for c in (rough(scene).contact, None)
+    )
+    i, modes = pad(found), found[f"{pad(found)}.W"].shape[1]
+    np.testing.assert_array_equal(found["orders"], exact["orders"])
+    rows = found[f"{i}.elements"].size
+    places = (..., slice(rows, rows + modes), slice(2 * rows, 2 * rows + modes))
+    own, known = (
+        np.sqrt(np.sum(np.square(A, dtype=float), axis=(0, 2, 3)))
+        for A in (found[f"{i}.coupling.checks"], exact[f"{i}.checks"][places])
+    )
+    assert np.all(own < 3 * known)
+
+
 @pytest.mark.parametrize("x", [(0.0, 0.0), (0.45, -0.8), (-1.0, 1.0), (1.0, 1.0)])
 def test_every_mode_in_rough_contact(two_blocks, x):
     """Within the tolerance at dense full order, errors covered; as with factors at all anchors."""

@@ -11,8 +11,8 @@ eigenvalues move the most. For any x~ that is M-orthogonal to W
 
 so that the first three terms err by the square of what x~ lacks (N. A. Pierce and M. B. Giles, SIAM
 Review 42, 2000, doi:10.1137/S0036144598349423). With x~ interpolated between the points where the
-body is factored, they need no factor. That x~ is held in single precision changes W'P x no more
-than that.
+body is factored, they need no factor. The round-off of x~ in single precision, made M-orthogonal
+to W again, acts by its square too.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -81,11 +81,14 @@ class Coupling:
         """Take W'P S P W of the factors at point i; on the first process."""
         self._exact[i] = [np.array(value) for value in values]
 
-    def arrays(self, W: Array, P: Callable[[Array, float], sp.csr_matrix]) -> dict[str, AnyArray]:
+    def arrays(
+        self, W: Array, MW: Array, P: Callable[[Array, float], sp.csr_matrix]
+    ) -> dict[str, AnyArray]:
         """What ``InterpolatedCoefficients`` takes, on the first process alone; collective.
 
         Args:
             W: kept modes, shape (n, modes).
+            MW: mass times them, likewise.
             P: makes the matrix at a point of the box, shape (own parameters,), and w.
         """
         placed, known = self._placed, self._factored
@@ -93,7 +96,7 @@ class Coupling:
             (i, k) for i in placed.order
             for k in range(known[i].size if i in known else 0, self._wanted[i].size)
         ]  # fmt: skip
-        values = dict(zip(names, self._values(names, W, P), strict=True))
+        values = dict(zip(names, self._values(names, W, MW, P), strict=True))
         if self._comm.rank > 0:
             return {}
         for i in placed.order:
@@ -104,8 +107,9 @@ class Coupling:
         return placed.arrays()
 
     def _values(
-        self, names: Sequence[Name], W: Array, P: Callable[[Array, float], sp.csr_matrix]
-    ) -> list[Array]:
+        self, names: Sequence[Name], W: Array, MW: Array,
+        P: Callable[[Array, float], sp.csr_matrix],
+    ) -> list[Array]:  # fmt: skip
         """W'P S P W by x~ where it is wanted, on all processes."""
         held = np.empty((len(self._held), W.size), np.float32)
         own = [*self._held]
@@ -120,7 +124,7 @@ class Coupling:
             x = self._summed(shares[:, numbers] @ held)
 
             def work(i: int, some: Sequence[tuple[Array, float]] = some, x: AnyArray = x) -> Array:
-                return _by_response(P(*some[i]), W, x)
+                return _by_response(P(*some[i]), W, MW, x)
 
             out += in_turns(len(some), work, self._comm)
         return out
@@ -165,9 +169,11 @@ def wanted_coefficients(
     return polynomial.coefficients(values)[: placed.counts[i]]
 
 
-def _by_response(P: sp.csr_matrix, W: Array, x: AnyArray) -> Array:
+def _by_response(P: sp.csr_matrix, W: Array, MW: Array, x: AnyArray) -> Array:
     """W'P S P W by x~, whose entries come in the order of those of W."""
     x = x.reshape(W.shape).astype(float)
+    # What round-off adds along W would act to first order.
+    x -= W @ (MW.T @ x)
     product_of = BlockProduct(P)
     product = product_of(x)
     product_of.destroy()

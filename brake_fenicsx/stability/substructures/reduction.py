@@ -190,9 +190,9 @@ class Reduction:
         self, degrees: Sequence[int], orders: Sequence[int], points: Mapping[int, AnyArray]
     ) -> Coupling:
         """How the kept modes couple, by the factors of a plan."""
-        fine, coarse = (
-            InterpolatedCoefficients(orders, degrees, coarse=coarse) for coarse in (False, True)
-        )
+        fine = InterpolatedCoefficients(orders, degrees)
+        # Shares are sums of coefficients that are much larger.
+        coarse = InterpolatedCoefficients(orders, degrees, coarse=True, beyond=np.float64)
 
         def through(s: AnyArray) -> Array:
             # The end of the band measures what polynomials lack.
@@ -259,7 +259,8 @@ class Reduction:
                 missing = rest
             largest = max(largest, size)
             interpolated.add(i, coefficients[: interpolated.counts[i]])
-        coupled = plan.coupling.arrays(self._W, self._P) if plan.coupling else {}
+        given = self._W, self._centre @ self._W, self._P
+        coupled = plan.coupling.arrays(*given) if plan.coupling else {}
         if self._comm.rank > 0:
             return {}
         held = interpolated.arrays()
