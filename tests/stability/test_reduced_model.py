@@ -247,6 +247,22 @@ def test_one_process_and_all_give_the_same_modes(two_blocks):
     assert np.all(np.abs(a.s - b.s) <= 1e-8 * np.abs(a.s))
 
 
+@pytest.mark.together
+def test_what_fails_on_the_first_process_alone_is_raised_on_all(two_blocks, monkeypatch):
+    """It takes the values of all others, which wait for more of them."""
+
+    def fails(*_):
+        raise InaccurateResult("said by the test")
+
+    monkeypatch.setattr(Reduction, "_check_convergence", fails)
+    scene = two_blocks("coarse", alone=False)
+    with pytest.raises(InaccurateResult, match="said by the test"):
+        reduce_bodies(
+            substructures(scene, "undamped", changing=True), scene.w, BAND,
+            box(scene, "undamped"), comm=scene.comm,
+        )  # fmt: skip
+
+
 def hidden(real):
     """A solver that withholds a mode."""
 

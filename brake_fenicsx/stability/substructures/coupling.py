@@ -81,46 +81,29 @@ class Coupling:
         """Take W'P S P W of the factors at point i; on the first process."""
         self._exact[i] = [np.array(value) for value in values]
 
-    def arrays(
+    def values(
         self, W: Array, MW: Array, P: Callable[[Array, float], sp.csr_matrix]
-    ) -> dict[str, AnyArray]:
-        """What ``InterpolatedCoefficients`` takes, on the first process alone; collective.
+    ) -> list[Array]:
+        """W'P S P W by x~ where it is wanted and not known from a factor; collective.
 
         Args:
             W: kept modes, shape (n, modes).
             MW: mass times them, likewise.
             P: makes the matrix at a point of the box, shape (own parameters,), and w.
-        """
-        placed, known = self._placed, self._factored
-        names = [
-            (i, k) for i in placed.order
-            for k in range(known[i].size if i in known else 0, self._wanted[i].size)
-        ]  # fmt: skip
-        values = dict(zip(names, self._values(names, W, MW, P), strict=True))
-        if self._comm.rank > 0:
-            return {}
-        for i in placed.order:
-            w = self._wanted[i]
-            found = self._exact.get(i, [])[: w.size]
-            found += [values[i, k] for k in range(len(found), w.size)]
-            placed.add(i, wanted_coefficients(placed, i, w, found, self._polynomial))
-        return placed.arrays()
 
-    def _values(
-        self, names: Sequence[Name], W: Array, MW: Array,
-        P: Callable[[Array, float], sp.csr_matrix],
-    ) -> list[Array]:  # fmt: skip
-        """W'P S P W by x~ where it is wanted, on all processes."""
+        Returns:
+            Each of shape (modes, modes), on all processes.
+        """
         held = np.empty((len(self._held), W.size), np.float32)
         own = [*self._held]
         for row, name in zip(held, own, strict=True):
             row[:] = self._held.pop(name).ravel()
         numbers, size = [self._numbers[name] for name in own], self._comm.size
-        places = [(self._placed.points[i], float(self._wanted[i][k])) for i, k in names]
+        points = [(self._placed.points[i], float(self._wanted[i][k])) for i, k in self._unknown]
         out: list[Array] = []
-        for first in range(0, len(places), size):
-            some = places[first : first + size]
-            shares = np.array([self._shares(*place) for place in some], np.float32)
+        for first in range(0, len(points), size):
+            some = points[first : first + size]
+            shares = np.array([self._shares(*point) for point in some], np.float32)
             x = self._summed(shares[:, numbers] @ held)
 
             def work(i: int, some: Sequence[tuple[Array, float]] = some, x: AnyArray = x) -> Array:
@@ -128,6 +111,23 @@ class Coupling:
 
             out += in_turns(len(some), work, self._comm)
         return out
+
+    def arrays(self, values: Sequence[Array]) -> dict[str, AnyArray]:
+        """What ``InterpolatedCoefficients`` takes, of these values; on the first process."""
+        placed, known = self._placed, dict(zip(self._unknown, values, strict=True))
+        for i in placed.order:
+            w = self._wanted[i]
+            found = self._exact.get(i, [])[: w.size]
+            found += [known[i, k] for k in range(len(found), w.size)]
+            placed.add(i, wanted_coefficients(placed, i, w, found, self._polynomial))
+        return placed.arrays()
+
+    @property
+    def _unknown(self) -> list[Name]:
+        """Where W'P S P W is wanted and there is no factor."""
+        factors = {i: w.size for i, w in self._factored.items()}
+        wanted = ((i, self._wanted[i].size) for i in self._placed.order)
+        return [(i, k) for i, count in wanted for k in range(factors.get(i, 0), count)]
 
     def _shares(self, own: Array, w: float) -> Array:
         """Share of each x in x~ at a point of the box and w, shape (factors,)."""
@@ -174,8 +174,10 @@ def _by_response(P: sp.csr_matrix, W: Array, MW: Array, x: AnyArray) -> Array:
     x = x.reshape(W.shape).astype(float)
     # What round-off adds along W would act to first order.
     x -= W @ (MW.T @ x)
-    product_of = BlockProduct(P)
-    product = product_of(x)
-    product_of.destroy()
+    times = BlockProduct(P)
+    try:
+        product = times(x)
+    finally:
+        times.destroy()
     linear = W.T @ product
     return np.asarray(linear + linear.T - x.T @ product)

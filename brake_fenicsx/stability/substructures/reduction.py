@@ -12,7 +12,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from brake_fenicsx.arguments import AnyArray, Array, Index
 from brake_fenicsx.errors import InaccurateResult, NotConverged
-from brake_fenicsx.folder.processes import in_turns
+from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.macro.solver import InterfaceFactor, blocks
 
 from ..eigensolvers.symmetric import (
@@ -53,6 +53,10 @@ AMID, BESIDE, BLOCK = 0.5, 0.499, 12
 # Errors of fewer levels at corners of a box over those that the points which are checked foresee:
 # up to twice on two blocks with two moduli.
 CAUTION = 3.0
+
+# Least degree with fewer levels, and most responses that are held then, 4 bytes for each dof and
+# kept mode: 99 of three parameters at the fifth degree.
+LEAST, HELD = 4, 120
 
 # Damping is a combination of mass and stiffness up to this share of it.
 PROPORTIONAL = 1e-10
@@ -131,7 +135,7 @@ class Reduction:
             omega: end of the band [rad/s].
             comm: processes that share the work.
             coarse: whether fewer factors are enough for all but the coupling of the kept modes, as
-                they are in rough contact; of an undamped body of a constant shape.
+                they are in rough contact without rates; of an undamped body of a constant shape.
         """
         self._body, self._W, self._kappa = body, modes.W, modes.kappa
         self._grams = [self._W.T @ (A @ self._W) for A in (body.K, body.M, *body.changes.values())]
@@ -145,8 +149,9 @@ class Reduction:
         self._centre_shares = self._shares(np.zeros(self._own.size))
         self._coupled = bool(body.changes) or self._centre_shares is None
         same = not np.isin(self._own, [*parameters.shapes, *parameters.sliding]).any()
-        able = same and self._coupled and not rows.damped and self._own.size > 0
+        able = same and self._coupled and not (rows.damped or rows.rates) and self._own.size > 0
         self._coarse = coarse and bool(able)
+        self._X = coupling_places(body.elements.size, rows, modes.W.shape[1])
         self._centre = body.mass(parameters.centre)
         self._MW = self._centre @ modes.W if self._coupled else None
         # Of an undamped body the coefficients in powers of lambda are those in powers of kappa.
@@ -160,9 +165,15 @@ class Reduction:
 
     def cost(self, degrees: Sequence[int], orders: Index) -> tuple[int, int]:
         """Points of the box where the body is factored, and about its factors; as ``plan``."""
-        counts = coefficient_counts([int(n) for n in orders[self._own]], degrees, self._coarse)
+        own = [int(n) for n in orders[self._own]]
+        counts = coefficient_counts(own, degrees, self._is_coarse(own, degrees))
         factors = [len(self._frequencies(n, self._centre_shares)) for n in counts if n]
         return len(factors), sum(factors)
+
+    def _is_coarse(self, orders: Sequence[int], degrees: Sequence[int]) -> bool:
+        """Whether fewer factors are taken: at low degrees estimates of errors are too coarse."""
+        responses = sum(coefficient_counts(orders, degrees, True))
+        return self._coarse and max(degrees) >= LEAST and responses <= HELD
 
     def plan(self, degrees: Sequence[int], orders: Index) -> FactorPlan:
         """Where the body is factored; collective.
@@ -174,8 +185,9 @@ class Reduction:
             degrees: level of the interpolation of each coefficient, see ``Interpolation``.
             orders: degree of the first coefficient in each parameter, shape (d,).
         """
-        own = orders[self._own]
-        placed = InterpolatedCoefficients([int(n) for n in own], degrees, coarse=self._coarse)
+        own = [int(n) for n in orders[self._own]]
+        coarse = self._is_coarse(own, degrees)
+        placed = InterpolatedCoefficients(own, degrees, coarse=coarse)
         softness = [self._softness(placed.points[i]) for i in placed.order]
         softest = self._comm.bcast(placed.order[int(np.argmin(softness))])
         shares = [
@@ -183,8 +195,8 @@ class Reduction:
         ]
         counts = {i: placed.counts[i] if i != softest else len(degrees) for i in placed.order}
         points = {i: self._frequencies(n, shares[i]) for i, n in counts.items()}
-        coupling = self._coupling(degrees, [int(n) for n in own], points) if self._coarse else None
-        return FactorPlan(placed, points, shares, coupling, degrees, own)
+        coupling = self._coupling(degrees, own, points) if coarse else None
+        return FactorPlan(placed, points, shares, coupling, degrees, orders[self._own])
 
     def _coupling(
         self, degrees: Sequence[int], orders: Sequence[int], points: Mapping[int, AnyArray]
@@ -236,42 +248,66 @@ class Reduction:
                 it is damped too strongly for polynomials in the frequency.
         """
         missing: Array = np.zeros(0)
-        largest, interpolated = 0.0, plan.coefficients
-        X = coupling_places(self._body.elements.size, self._rows, self._W.shape[1])
+        largest, failed, made = 0.0, list[Exception](), dict[str, AnyArray]()
         for i, values in self._values(plan, progress):
-            if plan.coupling:
-                plan.coupling.found(i, [value[X] for value in values])
-            if not self._rows.damped and len(values) < self._polynomial.count:
-                w = self._w(plan.points[i])
-                few = wanted_coefficients(interpolated, i, w, values, self._polynomial)
-                interpolated.add(i, few)
+            try:
+                rest = np.zeros(0) if failed else self._take(plan, i, values)
+            except Exception as error:  # raised on all below, who wait for the values that follow
+                failed.append(error)
                 continue
-            coefficients = np.empty((self._polynomial.count, *values[-1].shape))
-            # Some rows at a time: no second copy of all values.
-            for some in blocks(len(values[-1])):
-                own = self._polynomial.coefficients([value[some] for value in values[:-1]])
-                coefficients[:, some] = own
-            rest = self._polynomial.missing(coefficients, values[-1])
-            del values
-            size = float(np.linalg.norm(rest))
-            if i == 0:
-                self._check_convergence(coefficients, size)
-                missing = rest
-            largest = max(largest, size)
-            interpolated.add(i, coefficients[: interpolated.counts[i]])
+            largest = max(largest, float(np.linalg.norm(rest)))
+            missing = rest if i == 0 else missing
+
+        def finish(couplings: Sequence[Array]) -> None:
+            # Elsewhere in the box the polynomials may lack more.
+            lacking = missing * (largest / max(float(np.linalg.norm(missing)), 1e-300))
+            made.update(self._made(plan, lacking, couplings))
+
+        def succeeded() -> None:
+            for error in failed:
+                raise error
+
+        on_first(succeeded, self._comm)
         given = self._W, self._centre @ self._W, self._P
-        coupled = plan.coupling.arrays(*given) if plan.coupling else {}
-        if self._comm.rank > 0:
-            return {}
-        held = interpolated.arrays()
-        if coupled:
+        couplings = plan.coupling.values(*given) if plan.coupling else []
+        on_first(lambda: finish(couplings), self._comm)
+        return made
+
+    def _take(self, plan: FactorPlan, i: int, values: list[AnyArray]) -> Array:
+        """Take the values at a point; what polynomials lack there, nothing where no value tells."""
+        interpolated = plan.coefficients
+        if plan.coupling:
+            plan.coupling.found(i, [value[self._X] for value in values])
+        if not self._rows.damped and len(values) < self._polynomial.count:
+            w = self._w(plan.points[i])
+            few = wanted_coefficients(interpolated, i, w, values, self._polynomial)
+            interpolated.add(i, few)
+            return np.zeros(0)
+        coefficients = np.empty((self._polynomial.count, *values[-1].shape))
+        # Some rows at a time: no second copy of all values.
+        for some in blocks(len(values[-1])):
+            own = self._polynomial.coefficients([value[some] for value in values[:-1]])
+            coefficients[:, some] = own
+        rest = self._polynomial.missing(coefficients, values[-1])
+        values.clear()
+        if i == 0:
+            self._check_convergence(coefficients, float(np.linalg.norm(rest)))
+        interpolated.add(i, coefficients[: interpolated.counts[i]])
+        return rest
+
+    def _made(
+        self, plan: FactorPlan, missing: Array, couplings: Sequence[Array]
+    ) -> dict[str, AnyArray]:
+        """What ``Component`` takes."""
+        held = plan.coefficients.arrays()
+        if plan.coupling:
+            coupled = plan.coupling.arrays(couplings)
             for name in ("checks", "gain"):
                 held[name] *= CAUTION
-            held["checks"][(..., *X)] = coupled["checks"]
+            # The coupling has its own.
+            held["checks"][(..., *self._X)] = coupled["checks"]
             held |= {COUPLING + name: a for name, a in coupled.items()}
         held["D"] = held["D"].copy()  # or all coefficients would be held with it
-        # Elsewhere in the box the polynomials may lack more.
-        missing *= largest / max(float(np.linalg.norm(missing)), 1e-300)
         return {
             **self._body.arrays(), **held, "W": self._W, "kappa": self._kappa,
             "beyond": self._beyond, "coupled": np.array(self._coupled), "points": self._points,

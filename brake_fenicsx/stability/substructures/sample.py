@@ -263,7 +263,8 @@ class AtRest:
         normal, slip, loaded = np.split(gaps, [m, 2 * m], axis=1)
         return cls(
             0.5 * (normal + normal.T), slip, loaded, motion,
-            pushed[free] - back[:, :count], (own[np.ix_(free, free)] - back[:, count:]) / unit,
+            pushed[free] - back[:, :count],
+            np.asarray((own[np.ix_(free, free)] - back[:, count:]) / unit, float),
         )  # fmt: skip
 
 
