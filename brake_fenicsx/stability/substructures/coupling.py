@@ -29,8 +29,8 @@ from brake_fenicsx.macro.solver import BlockProduct
 from .parameters import InterpolatedCoefficients
 from .polynomials import Polynomial, lowest_coefficients
 
-# A point of the box and a factor there, or what would be one, by their numbers.
-Name = tuple[int, int]
+# Numbers of a point of the box and of a frequency there.
+Place = tuple[int, int]
 
 
 class Coupling:
@@ -38,8 +38,8 @@ class Coupling:
 
     def __init__(
         self,
-        placed: InterpolatedCoefficients,
-        factors: InterpolatedCoefficients,
+        fine: InterpolatedCoefficients,
+        coarse: InterpolatedCoefficients,
         wanted: Mapping[int, Array],
         factored: Mapping[int, Array],
         polynomial: Polynomial,
@@ -48,38 +48,34 @@ class Coupling:
         """Plan how x~ follows from the x of the factors.
 
         Args:
-            placed: the interpolation of W'P S P W; it is taken.
-            factors: that of x~, through fewer of the same anchors; it is taken.
-            wanted: frequencies at the points of ``placed``: number -> w, shape (values,).
+            fine: takes W'P S P W, and interpolates it.
+            coarse: takes the shares of each x in x~: through fewer of the same anchors.
+            wanted: frequencies at the points of ``fine``: number -> w, shape (values,).
             factored: those where there is a factor, likewise.
             polynomial: in w.
             comm: the processes.
         """
-        self._placed, self._factors, self._polynomial, self._comm = (
-            placed,
-            factors,
-            polynomial,
-            comm,
-        )
+        self._fine, self._coarse, self._polynomial, self._comm = fine, coarse, polynomial, comm
         self._wanted, self._factored = wanted, factored
-        self._exact: dict[int, list[Array]] = {}
-        anchors = [i for i in factors.order if i < factors.anchors]
-        names = [(i, k) for i in anchors for k in range(factored[i].size)]
-        self._numbers: dict[Name, int] = {name: n for n, name in enumerate(names)}
-        self._held: dict[Name, AnyArray] = {}
-        units = np.eye(len(names))[:, None]
+        # W'P S P W of factors, and x: of those that this process made.
+        self._known: dict[int, list[Array]] = {}
+        self._responses: dict[Place, AnyArray] = {}
+        anchors = [i for i in coarse.order if i < coarse.anchors]
+        places = [(i, k) for i in anchors for k in range(factored[i].size)]
+        self._numbers: dict[Place, int] = {place: n for n, place in enumerate(places)}
+        units = np.eye(len(places))[:, None]
         for i in anchors:
             values = [units[self._numbers[i, k]] for k in range(factored[i].size)]
-            factors.add(i, wanted_coefficients(factors, i, factored[i], values, polynomial))
+            coarse.add(i, wanted_coefficients(coarse, i, factored[i], values, polynomial))
 
     def take(self, i: int, k: int, x: Array) -> None:
         """Hold x of factor k at point i, shape (n, modes), on the process that has it."""
         if (i, k) in self._numbers:
-            self._held[i, k] = x.astype(np.float32)
+            self._responses[i, k] = x.astype(np.float32)
 
     def found(self, i: int, values: Sequence[Array]) -> None:
         """Take W'P S P W of the factors at point i; on the first process."""
-        self._exact[i] = [np.array(value) for value in values]
+        self._known[i] = [np.array(value) for value in values]
 
     def values(
         self, W: Array, MW: Array, P: Callable[[Array, float], sp.csr_matrix]
@@ -94,12 +90,12 @@ class Coupling:
         Returns:
             Each of shape (modes, modes), on all processes.
         """
-        held = np.empty((len(self._held), W.size), np.float32)
-        own = [*self._held]
-        for row, name in zip(held, own, strict=True):
-            row[:] = self._held.pop(name).ravel()
-        numbers, size = [self._numbers[name] for name in own], self._comm.size
-        points = [(self._placed.points[i], float(self._wanted[i][k])) for i, k in self._unknown]
+        held = np.empty((len(self._responses), W.size), np.float32)
+        own = [*self._responses]
+        for row, place in zip(held, own, strict=True):
+            row[:] = self._responses.pop(place).ravel()
+        numbers, size = [self._numbers[place] for place in own], self._comm.size
+        points = [(self._fine.points[i], float(self._wanted[i][k])) for i, k in self._unknown]
         out: list[Array] = []
         for first in range(0, len(points), size):
             some = points[first : first + size]
@@ -114,24 +110,24 @@ class Coupling:
 
     def arrays(self, values: Sequence[Array]) -> dict[str, AnyArray]:
         """What ``InterpolatedCoefficients`` takes, of these values; on the first process."""
-        placed, known = self._placed, dict(zip(self._unknown, values, strict=True))
-        for i in placed.order:
+        fine, found = self._fine, dict(zip(self._unknown, values, strict=True))
+        for i in fine.order:
             w = self._wanted[i]
-            found = self._exact.get(i, [])[: w.size]
-            found += [known[i, k] for k in range(len(found), w.size)]
-            placed.add(i, wanted_coefficients(placed, i, w, found, self._polynomial))
-        return placed.arrays()
+            known = self._known.get(i, [])[: w.size]
+            known += [found[i, k] for k in range(len(known), w.size)]
+            fine.add(i, wanted_coefficients(fine, i, w, known, self._polynomial))
+        return fine.arrays()
 
     @property
-    def _unknown(self) -> list[Name]:
+    def _unknown(self) -> list[Place]:
         """Where W'P S P W is wanted and there is no factor."""
         factors = {i: w.size for i, w in self._factored.items()}
-        wanted = ((i, self._wanted[i].size) for i in self._placed.order)
+        wanted = ((i, self._wanted[i].size) for i in self._fine.order)
         return [(i, k) for i, count in wanted for k in range(factors.get(i, 0), count)]
 
     def _shares(self, own: Array, w: float) -> Array:
         """Share of each x in x~ at a point of the box and w, shape (factors,)."""
-        powers = self._factors.interpolated(own)[0]
+        powers = self._coarse.interpolated(own)[0]
         return np.asarray(sum(w**n * D[0] for n, D in enumerate(powers)))
 
     def _summed(self, parts: AnyArray) -> AnyArray:

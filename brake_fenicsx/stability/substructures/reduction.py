@@ -252,7 +252,7 @@ class Reduction:
         for i, values in self._values(plan, progress):
             try:
                 rest = np.zeros(0) if failed else self._take(plan, i, values)
-            except Exception as error:  # raised on all below, who wait for the values that follow
+            except Exception as error:  # raised below: the others wait for the values that follow
                 failed.append(error)
                 continue
             largest = max(largest, float(np.linalg.norm(rest)))
