@@ -135,7 +135,7 @@ class Component:
         motions = self._still if rows is self.body.interface else self._motions(rows)
         D, errors, growth = self._coefficients.at(own := self.own(x))
         if self._coupling is not None:
-            # Those of the points that were checked have these already.
+            # The errors at the checked points have those of the coupling already.
             kept, (step, *_), _ = self._coupling.at(own)
             places = coupling_places(self.body.elements.size, self._rows, self.W.shape[1])
             for n, A in enumerate(kept):

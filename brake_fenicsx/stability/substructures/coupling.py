@@ -49,7 +49,7 @@ class Coupling:
 
         Args:
             fine: takes W'P S P W, and interpolates it.
-            coarse: takes the shares of each x in x~: through fewer of the same anchors.
+            coarse: takes the weights of each x in x~: through fewer of the same anchors.
             wanted: frequencies at the points of ``fine``: number -> w, shape (values,).
             factored: those where there is a factor, likewise.
             polynomial: in w.
@@ -99,8 +99,8 @@ class Coupling:
         out: list[Array] = []
         for first in range(0, len(points), size):
             some = points[first : first + size]
-            shares = np.array([self._shares(*point) for point in some], np.float32)
-            x = self._summed(shares[:, numbers] @ held)
+            weights = np.array([self._weights(*point) for point in some], np.float32)
+            x = self._summed(weights[:, numbers] @ held)
 
             def work(i: int, some: Sequence[tuple[Array, float]] = some, x: AnyArray = x) -> Array:
                 return _by_response(P(*some[i]), W, MW, x)
@@ -125,8 +125,8 @@ class Coupling:
         wanted = ((i, self._wanted[i].size) for i in self._fine.order)
         return [(i, k) for i, count in wanted for k in range(factors.get(i, 0), count)]
 
-    def _shares(self, own: Array, w: float) -> Array:
-        """Share of each x in x~ at a point of the box and w, shape (factors,)."""
+    def _weights(self, own: Array, w: float) -> Array:
+        """Weight of each x in x~ at a point of the box and w, shape (factors,)."""
         powers = self._coarse.interpolated(own)[0]
         return np.asarray(sum(w**n * D[0] for n, D in enumerate(powers)))
 

@@ -265,7 +265,7 @@ class InterpolatedCoefficients:
         degrees: Sequence[int],
         known: dict[str, AnyArray] | None = None,
         coarse: bool = False,
-        beyond: type[np.floating[Any]] = np.float32,
+        kind: type[np.floating[Any]] = np.float32,
     ):
         """Place the points.
 
@@ -275,7 +275,7 @@ class InterpolatedCoefficients:
                 ``Interpolation``. The first is the largest of ``orders``, if there are any.
             known: ``arrays`` of an earlier run; None where ``add`` will bring the values.
             coarse: one level less, through the first of these anchors, as long as one is left.
-            beyond: precision of the coefficients beyond the first.
+            kind: precision of the coefficients beyond the first.
         """
         dimension = len(orders)
         self._degrees = _own_degrees(orders, degrees, coarse)
@@ -293,8 +293,8 @@ class InterpolatedCoefficients:
         # The coefficients at the centre, and what they change from there to the other anchors.
         self._centre: Powers = []
         self._changes: list[AnyArray] = []
-        self._beyond = beyond
-        self._precision = beyond if self._box.degree <= SINGLE else np.float64
+        self._kind = kind
+        self._precision = kind if self._box.degree <= SINGLE else np.float64
         if known is not None:
             self._centre = [known["D"], *known["higher"]]
         if known is not None and dimension:
@@ -304,7 +304,7 @@ class InterpolatedCoefficients:
     def add(self, i: int, found: Array) -> None:
         """Coefficients at point i, shape (counts[i], rows, columns); the centre comes first."""
         if i == 0:
-            self._centre = [found[0], *found[1:].astype(self._beyond)]
+            self._centre = [found[0], *found[1:].astype(self._kind)]
             if self.points[0].size:
                 shapes = [(end - 1, *found.shape[1:]) for end in self._ends]
                 self._changes = [np.empty(shape, self._precision) for shape in shapes]

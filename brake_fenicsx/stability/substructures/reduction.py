@@ -50,7 +50,7 @@ POLES, ALMOST, NEAREST, ATTEMPTS = 3.3, 0.95, 1.3, 4
 # zero.
 AMID, BESIDE, BLOCK = 0.5, 0.499, 12
 
-# Errors of fewer levels at corners of a box over those that the points which are checked foresee:
+# With one level less, errors at the corners of a box exceed those that the checked points foresee:
 # up to twice on two blocks with two moduli.
 CAUTION = 3.0
 
@@ -171,7 +171,7 @@ class Reduction:
         return len(factors), sum(factors)
 
     def _is_coarse(self, orders: Sequence[int], degrees: Sequence[int]) -> bool:
-        """Whether fewer factors are taken: at low degrees estimates of errors are too coarse."""
+        """Whether fewer factors are taken: not at low degrees, nor where memory would not do."""
         responses = sum(coefficient_counts(orders, degrees, True))
         return self._coarse and max(degrees) >= LEAST and responses <= HELD
 
@@ -203,8 +203,8 @@ class Reduction:
     ) -> Coupling:
         """How the kept modes couple, by the factors of a plan."""
         fine = InterpolatedCoefficients(orders, degrees)
-        # Shares are sums of coefficients that are much larger.
-        coarse = InterpolatedCoefficients(orders, degrees, coarse=True, beyond=np.float64)
+        # The weights in x~ are sums of coefficients that are much larger.
+        coarse = InterpolatedCoefficients(orders, degrees, coarse=True, kind=np.float64)
 
         def through(s: AnyArray) -> Array:
             # The end of the band measures what polynomials lack.
@@ -249,10 +249,15 @@ class Reduction:
         """
         missing: Array = np.zeros(0)
         largest, failed, made = 0.0, list[Exception](), dict[str, AnyArray]()
-        for i, values in self._values(plan, progress):
+
+        def succeeded() -> None:
+            if failed:
+                raise failed[0]
+
+        for i, values in self._values(plan, progress, succeeded):
             try:
-                rest = np.zeros(0) if failed else self._take(plan, i, values)
-            except Exception as error:  # raised below: the others wait for the values that follow
+                rest = self._take(plan, i, values)
+            except Exception as error:  # raised on all by the next factor of this process
                 failed.append(error)
                 continue
             largest = max(largest, float(np.linalg.norm(rest)))
@@ -263,13 +268,10 @@ class Reduction:
             lacking = missing * (largest / max(float(np.linalg.norm(missing)), 1e-300))
             made.update(self._made(plan, lacking, couplings))
 
-        def succeeded() -> None:
-            for error in failed:
-                raise error
-
         on_first(succeeded, self._comm)
-        given = self._W, self._centre @ self._W, self._P
-        couplings = plan.coupling.values(*given) if plan.coupling else []
+        couplings: list[Array] = []
+        if plan.coupling and self._MW is not None:
+            couplings = plan.coupling.values(self._W, self._MW, self._P)
         on_first(lambda: finish(couplings), self._comm)
         return made
 
@@ -304,7 +306,7 @@ class Reduction:
             coupled = plan.coupling.arrays(couplings)
             for name in ("checks", "gain"):
                 held[name] *= CAUTION
-            # The coupling has its own.
+            # The coupling has all its levels, and estimates of its own.
             held["checks"][(..., *self._X)] = coupled["checks"]
             held |= {COUPLING + name: a for name, a in coupled.items()}
         held["D"] = held["D"].copy()  # or all coefficients would be held with it
@@ -328,16 +330,22 @@ class Reduction:
         return damping
 
     def _values(
-        self, plan: FactorPlan, progress: Callable[[int], None]
+        self, plan: FactorPlan, progress: Callable[[int], None], succeeded: Callable[[], None]
     ) -> Iterator[tuple[int, list[AnyArray]]]:
         """Number of each point of the box, and values there, on the first process; collective.
 
         The processes take the factors in turns.
+
+        Args:
+            plan: where the body is factored.
+            progress: called with the number of factors that were made.
+            succeeded: raises what failed with the values so far.
         """
         works = [(i, k) for i, points in plan.points.items() for k in range(len(points))]
         seen: dict[int, SeenBody] = {}
 
         def work(n: int) -> AnyArray:
+            succeeded()
             i, k = works[n]
             if i not in seen:
                 # The matrices of one point of the box at a time.
